@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from pilotfish.environments.robots import ROBOTS, Robot
 from pilotfish.environments.scene_renderer import SceneRenderer
 from pilotfish.environments.tasks.registry import TASKS
 from pilotfish.environments.tasks.task import Task
@@ -33,8 +34,6 @@ EXPECTED = "eight finite numbers: position [m], quaternion w x y z, grip"
 ObservationArrays = dict[str, Array]
 # Minimum, maximum and size of each entry of an observation.
 OBSERVATION_BOUNDS: dict[str, tuple[float, float, int]] = {
-    "joints": (-inf, inf, 7),
-    "velocities": (-inf, inf, 7),
     "tool": (-inf, inf, POSE),
     "twist": (-inf, inf, 6),
     "grip": (0.0, 1.0, 1),
@@ -43,7 +42,7 @@ OBSERVATION_BOUNDS: dict[str, tuple[float, float, int]] = {
 
 
 class Manipulation(gymnasium.Env[ObservationArrays, Array]):
-    """Manipulation task with an action every 20 ms.
+    """Manipulation task with an action every 20 ms, by any robot.
 
     An action holds the tool position [m], a quaternion w x y z of any length, both in torso axes, and the
     grip, 0 (open) to 1 (closed). Impedance control draws the tool there at 1 kHz.
@@ -57,20 +56,22 @@ class Manipulation(gymnasium.Env[ObservationArrays, Array]):
 
     Attributes:
         task: Task of the environment.
+        robot: Robot that performs it.
         render_mode: "rgb_array" or None.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012 - Gymnasium's own form
 
-    def __init__(self, task: str, *, render_mode: str | None = None) -> None:
+    def __init__(self, task: str, *, render_mode: str | None = None, robot: str | Robot = "baxter") -> None:
         """Choose a task; `reset` builds its physics.
 
         Args:
             task: Name of a task in `TASKS`.
             render_mode: "rgb_array" for images from `render`, or None.
+            robot: Name of a robot in `ROBOTS`, or a robot, such as one from `robot_from_file`.
 
         Raises:
-            InvalidInput: If the task or the render mode is unknown.
+            InvalidInput: If the task, the render mode or the robot is unknown.
         """
         require_type(task, "task", str, f"give the name of a task: {', '.join(sorted(TASKS))}")
         if task not in TASKS:
@@ -79,10 +80,13 @@ class Manipulation(gymnasium.Env[ObservationArrays, Array]):
         if render_mode not in (None, "rgb_array"):
             raise InvalidInput(f"render_mode is {short_repr(render_mode)}, expected None or 'rgb_array'")
         self.task: Task[Any] = TASKS[task]
+        self.robot = _find_robot(robot)
         self.render_mode = render_mode
         low = np.array([-REACH] * 3 + [-1.0] * 4 + [0.0])
         self.action_space = spaces.Box(low, np.array([REACH] * 3 + [1.0] * 5), dtype=np.float64)
-        self.observation_space = spaces.Dict(_observation_spaces(len(self.task.frames)))  # type: ignore[assignment] # the base class names no value type
+        self.observation_space = spaces.Dict(
+            _observation_spaces(len(self.task.frames), len(self.robot.joint_names))
+        )  # type: ignore[assignment] # the base class names no value type
         self._cell: Workcell[Any] | None = None
         self._renderer: SceneRenderer | None = None
 
@@ -118,7 +122,7 @@ class Manipulation(gymnasium.Env[ObservationArrays, Array]):
         super().reset(seed=seed)
         situation = options["situation"] if options else self.task.sample_situation(self.np_random)
         self._close_renderer()
-        self._cell = Workcell(self.task, situation)
+        self._cell = Workcell(self.task, situation, robot=self.robot)
         return self._observation(), self._info()
 
     def step(self, action: Array) -> tuple[ObservationArrays, float, bool, bool, dict[str, Any]]:
@@ -182,11 +186,22 @@ class Manipulation(gymnasium.Env[ObservationArrays, Array]):
         }
 
 
-def _observation_spaces(n_frames: int) -> dict[str, spaces.Space[Any]]:
+def _find_robot(robot: str | Robot) -> Robot:
+    require_type(robot, "robot", (str, Robot), f"give one of {', '.join(ROBOTS)}, or a Robot")
+    if isinstance(robot, Robot):
+        return robot
+    if robot not in ROBOTS:
+        raise InvalidInput(f"robot is {short_repr(robot)}, expected one of {', '.join(ROBOTS)}")
+    return ROBOTS[robot]
+
+
+def _observation_spaces(n_frames: int, n_joints: int) -> dict[str, spaces.Space[Any]]:
     boxes: dict[str, spaces.Space[Any]] = {
         name: spaces.Box(low, high, (size,), np.float64)
         for name, (low, high, size) in OBSERVATION_BOUNDS.items()
     }
+    for name in ("joints", "velocities"):
+        boxes[name] = spaces.Box(-inf, inf, (n_joints,), np.float64)
     return boxes | {"frames": spaces.Box(-inf, inf, (n_frames, POSE), np.float64)}
 
 

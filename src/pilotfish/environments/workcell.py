@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from typing import Generic, TypeVar
 
 import mujoco
-import numpy as np
 
 from pilotfish.control import impedance_torque, posture_torque
 from pilotfish.environments.baxter.tools import Tool, mount_handle

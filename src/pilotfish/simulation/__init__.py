@@ -29,6 +29,7 @@ from pilotfish.simulation.recording import (
     simulated_leader,
     situation_from_seed,
 )
+from pilotfish.simulation.robot_files import find_robot, robot_from_file
 from pilotfish.simulation.selection import select_by_success
 from pilotfish.simulation.session_recorder import SessionRecorder, changed_versions, replay_session
 from pilotfish.simulation.study import (
@@ -78,6 +79,7 @@ __all__ = [
     "encode_film",
     "envelope_around_skill",
     "film_strip",
+    "find_robot",
     "learn_study_skills",
     "marked_task",
     "mission_skill",
@@ -91,6 +93,7 @@ __all__ = [
     "record_demonstrations",
     "replay_session",
     "require_pillow",
+    "robot_from_file",
     "run_mission",
     "select_by_success",
     "simulated_leader",

@@ -238,7 +238,8 @@ def record_demonstrations(
 ) -> Iterator[tuple[RecordedDemonstration, int]]:
     """Yield successful demonstrations of a simulated person, each with its number of attempts.
 
-    With a delay the person moves and waits, and gets more time.
+    The names of demonstrations, which folders and skills keep, end with the robot unless it is Baxter. With a
+    delay the person moves and waits, and gets more time.
 
     Args:
         task: Task from `TASKS`.
@@ -253,6 +254,7 @@ def record_demonstrations(
         InvalidInput: If the robot does not reach the start of a situation.
     """
     time_limit = task.time_limit + EXTRA_TIME_PER_DELAY * delay
+    suffix = "" if robot is BAXTER else f", {robot.name}"
     for m in range(number):
         situation = situation_from_seed(task, "demonstration", seed, m)
         for attempt in range(MAX_ATTEMPTS):
@@ -262,7 +264,7 @@ def record_demonstrations(
                 task,
                 situation,
                 delay_observations(leader, delay),
-                f"{task.name} {m}",
+                f"{task.name} {m}{suffix}",
                 time_limit=time_limit,
                 robot=robot,
             )

@@ -12,8 +12,10 @@ from pilotfish.cli.options.execution import (
     FILE,
     TASK_OPTION,
     execution_options,
+    load_robot,
     require_one_situation,
     require_simulation,
+    robot_options,
 )
 from pilotfish.cli.options.planning import planning_options
 from pilotfish.cli.output.attempts import Attempt, format_attempt, name_situation, summarise_attempts
@@ -53,6 +55,7 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Estimate the frames from the images of a simulated camera, by markers on the objects.",
 )
+@robot_options
 @planning_options
 @execution_options
 @print_result
@@ -69,14 +72,15 @@ def perform(
     """Execute the skill in the file SKILL in simulated physics, in situations without demonstrations.
 
     The skill is adapted to the frames of the objects, and an impedance controller at 1 kHz tracks the planned
-    motion. A failure is explained by the first phase of the task that was not passed. The exit code is 0 also
-    if some situations fail.
+    motion. The robot need not be the one that the skill was recorded with. A failure is explained by the
+    first phase of the task that was not passed. The exit code is 0 also if some situations fail.
     """
     require_one_situation(situation, "situations", "seeds")
     require_simulation(skill, film, meshes=options["meshes"], force=options["force"])
     if options["camera"]:
         require_renderer()
     selected, learned = find_task(task), open_skill(skill)
+    options["robot"] = load_robot(options["robot"], options["end_effector"], meshes=options["meshes"])
     numbers = range(situations) if situation is None else (situation,)
     notes = _compare_motion(learned, selected, (seed, numbers[0]), options)
     for note in notes:
@@ -90,7 +94,7 @@ def perform(
                 f"{name_situation(attempts[-1], seeds)}: {format_attempt(attempts[-1], selected.unit)}"
             )
     result = summarise_attempts(attempts, selected, film)
-    return replace(result, data={**result.data, "notes": list(notes)})
+    return replace(result, data={**result.data, "robot": options["robot"].name, "notes": list(notes)})
 
 
 def _compare_motion(
@@ -99,7 +103,8 @@ def _compare_motion(
     """Return notes on the motion that is planned at the start of a situation."""
     from pilotfish.simulation import plan_in_situation, situation_from_seed
 
-    planning = {key: options[key] for key in ("horizon", "control_cost", "covariance_regularisation")}
+    names = ("horizon", "control_cost", "covariance_regularisation", "robot")
+    planning = {key: options[key] for key in names}
     situation = situation_from_seed(task, "test", *seed)
     reproduction, frames = plan_in_situation(skill, task, situation, **planning)
     return motion_notes(skill, reproduction, frames, name_argument=option_name)
@@ -140,6 +145,7 @@ def _execute(
         control_cost=options["control_cost"],
         covariance_regularisation=options["covariance_regularisation"],
         on_period=camera,
+        robot=options["robot"],
         visual_meshes=baxter_meshes() if options["meshes"] and film else (),
     )
     if camera and film:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pilotfish.cli.options.execution import load_robot, robot_options
 from pilotfish.cli.options.learning import seed_option
 from pilotfish.cli.output.results import (
     CommandResult,
@@ -46,27 +47,36 @@ if TYPE_CHECKING:
     show_default=True,
     help="Delay after which the simulated person observes the tool [s].",
 )
+@robot_options
 @click.option(
     "--out", type=click.Path(path_type=Path), help="Folder to write.  [default: the name of the task]"
 )
 @click.option("--force", is_flag=True, help="Replace an existing folder of demonstrations.")
 @print_result
 def record(
-    task: str, demonstrations: int, seed: int, delay: float, out: Path | None, force: bool
+    task: str,
+    demonstrations: int,
+    seed: int,
+    delay: float,
+    robot: str,
+    end_effector: str | None,
+    out: Path | None,
+    force: bool,
 ) -> CommandResult:
     """Record simulated demonstrations of TASK, each in a random situation, in the format that `learn` reads.
 
-    A simulated person moves the leader arm of the robot; the follower arm performs the task in physics. A
-    demonstration that fails is repeated. The same seed gives the same demonstrations, bit for bit.
+    A simulated person moves the leader arm of the robot; the follower arm performs the task in physics. For
+    a robot with one arm, the person's hand itself is the leader. A demonstration that fails is repeated. The
+    same seed gives the same demonstrations, bit for bit.
     """
     require_mujoco()
     from pilotfish.simulation import record_demonstrations
 
-    selected = find_task(task)
+    selected, arm = find_task(task), load_robot(robot, end_effector)
     folder = out or Path(task)
     require_writable_folder(folder, force=force)
     recordings = []
-    for recording, attempts in record_demonstrations(selected, demonstrations, seed, delay=delay):
+    for recording, attempts in record_demonstrations(selected, demonstrations, seed, delay=delay, robot=arm):
         recordings.append((recording, attempts))
         if is_interactive():
             print_note(f"demonstration {len(recordings)} of {demonstrations}: {recording.duration:.1f} s")
@@ -75,6 +85,7 @@ def record(
     data = {
         "folder": str(folder),
         "task": task,
+        "robot": arm.name,
         "seed": seed,
         "delay": delay,
         "demonstrations": [_recording_to_json(recording, attempts) for recording, attempts in recordings],

@@ -2,13 +2,16 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
 from pilotfish.cli.output.results import require_writable_file
 from pilotfish.rendering import require_mujoco, require_renderer
+
+if TYPE_CHECKING:
+    from pilotfish.environments.robots import Robot
 
 Command = Callable[..., Any]
 FILE = click.Path(path_type=Path)
@@ -25,6 +28,19 @@ def validate_film_path(_: click.Context, parameter: click.Parameter, path: Path 
 
 TASK_OPTION = click.option(
     "--task", required=True, help="Task that the skill was learned for; see `pilotfish tasks`."
+)
+ROBOT_OPTIONS = (
+    click.option(
+        "--robot",
+        default="baxter",
+        show_default=True,
+        help="Robot: baxter, panda, ur5e, or a file with a serial arm in URDF or MJCF.",
+    ),
+    click.option(
+        "--end-effector",
+        metavar="NAME",
+        help="Body, link or site of a robot's file on which tools are mounted, pointing along its z axis.",
+    ),
 )
 SITUATION_OPTIONS = (
     click.option(
@@ -59,6 +75,13 @@ FILM_OPTIONS = (
 )
 
 
+def robot_options(command: Command) -> Command:
+    """Add --robot and --end-effector to a command."""
+    for option in reversed(ROBOT_OPTIONS):
+        command = option(command)
+    return command
+
+
 def execution_options(command: Command) -> Command:
     """Add --situations, --seed, --situation, --film, --meshes and --force to a command."""
     for option in reversed((*SITUATION_OPTIONS, *FILM_OPTIONS)):
@@ -74,6 +97,26 @@ def require_one_situation(situation: int | None, *numbers: str) -> None:
     for name in numbers:
         if context.get_parameter_source(name) is not ParameterSource.DEFAULT:
             raise click.UsageError(f"--situation executes one situation; omit --{name}")
+
+
+def load_robot(robot: str, end_effector: str | None, *, meshes: bool = False) -> "Robot":
+    """Return the robot that --robot and --end-effector name.
+
+    Args:
+        robot: Name of a robot, or a file.
+        end_effector: Body, link or site of the file; None to find it.
+        meshes: Whether a film shows the visual meshes, which are Baxter's.
+
+    Raises:
+        click.UsageError: If meshes are shown of another robot.
+        InvalidInput: If the robot is unknown, or its file cannot be used.
+    """
+    if meshes and robot != "baxter":
+        raise click.UsageError(f"--meshes shows those of baxter, but the robot is {robot}; omit --meshes")
+    require_mujoco()
+    from pilotfish.simulation import find_robot
+
+    return find_robot(robot, end_effector=end_effector)
 
 
 def require_simulation(skill: Path, film: Path | None, *, meshes: bool, force: bool) -> None:

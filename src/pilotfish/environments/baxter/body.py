@@ -23,12 +23,16 @@ from pilotfish.environments.baxter.parameters import (
 )
 from pilotfish.environments.world import (
     FLOOR,
-    OBJECT as OBJECT,
-    ROBOT as ROBOT,
     add_cover,
     add_fixed_geom,
     empty_scene,
     set_inertial,
+)
+from pilotfish.environments.world import (
+    OBJECT as OBJECT,
+)
+from pilotfish.environments.world import (
+    ROBOT as ROBOT,
 )
 from pilotfish.geometry import multiply
 

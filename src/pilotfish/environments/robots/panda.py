@@ -53,9 +53,9 @@ COVERS = (
     ((0.0, 0.0, -0.02), (0.06, 0.0, 0.0), 0.05),
     ((0.0, 0.0, 0.02), (0.0, 0.0, 0.06), 0.042),
 )
-BASE = Pose(np.array([0.15, -0.3, -0.2]), IDENTITY)
-# Elbow up, tool down, in the middle of the joints' ranges.
-POSTURE = (0.0, 0.0, 0.0, -2.1, 0.0, 2.1, 0.0)  # rad
+BASE = Pose(np.array([0.32, -0.5, -0.46]), IDENTITY)  # low, so that a horizontal tool is in reach too
+# Elbow up, tool ahead and down, between the postures of the tasks.
+POSTURE = (0.0, 0.0, 0.0, -2.1, 0.0, 2.5, 0.0)  # rad
 
 
 def panda(base: Pose = BASE) -> Robot:

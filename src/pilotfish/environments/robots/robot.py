@@ -117,7 +117,7 @@ def solve_posture(robot: Robot, tool: Pose, tool_length: float = 0.0) -> Float[A
         return min(reached, key=lambda q: float(np.linalg.norm(q - nominal)))
     _, distance, angle, _ = min([first, *found], key=lambda solution: solution[1] + solution[2])
     raise InvalidInput(
-        f"the arm of {robot.name} does not reach position {np.round(tool.position, 3).tolist()} m, quaternion "
-        f"{np.round(tool.quaternion, 3).tolist()}; the nearest posture is {distance:.3g} m "
+        f"the arm of {robot.name} does not reach position {np.round(tool.position, 3).tolist()} m, "
+        f"quaternion {np.round(tool.quaternion, 3).tolist()}; the nearest posture is {distance:.3g} m "
         f"and {angle:.3g} rad away; choose a pose nearer to the robot"
     )

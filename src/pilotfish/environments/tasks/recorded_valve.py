@@ -11,7 +11,6 @@ from math import atan2, degrees, pi, radians
 import mujoco
 import numpy as np
 
-from pilotfish.environments.world import FLOOR
 from pilotfish.environments.baxter.tools import Tool, mount_gripper
 from pilotfish.environments.human import Subtask
 from pilotfish.environments.scene_renderer import CameraView
@@ -27,6 +26,7 @@ from pilotfish.environments.tasks.scene_objects import (
 from pilotfish.environments.tasks.task import Task
 from pilotfish.environments.tasks.task_state import Outcome, Scene
 from pilotfish.environments.tasks.validation import validate_object_pose
+from pilotfish.environments.world import FLOOR
 from pilotfish.geometry import Pose, multiply
 from pilotfish.validation import shorten_repr
 

@@ -13,7 +13,6 @@ from math import acos, degrees, pi, radians
 import mujoco
 import numpy as np
 
-from pilotfish.environments.world import FLOOR
 from pilotfish.environments.baxter.tools import Tool, add_tool_body, add_tool_geom, add_tool_point
 from pilotfish.environments.human import Subtask
 from pilotfish.environments.scene_renderer import CameraView
@@ -43,6 +42,7 @@ from pilotfish.environments.tasks.scene_objects import (
 from pilotfish.environments.tasks.task import Task
 from pilotfish.environments.tasks.task_state import Outcome, Scene
 from pilotfish.environments.tasks.validation import MAX_ANGLE, validate_object_pose
+from pilotfish.environments.world import FLOOR
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, multiply, rotation_matrix
 from pilotfish.types import Array, Float

@@ -7,7 +7,6 @@ from math import degrees, pi, radians
 import mujoco
 import numpy as np
 
-from pilotfish.environments.world import FLOOR
 from pilotfish.environments.baxter.tools import mount_gripper
 from pilotfish.environments.human import Subtask
 from pilotfish.environments.scene_renderer import CameraView
@@ -34,6 +33,7 @@ from pilotfish.environments.tasks.scene_objects import (
 from pilotfish.environments.tasks.task import Task
 from pilotfish.environments.tasks.task_state import Outcome, Scene
 from pilotfish.environments.tasks.validation import MAX_ANGLE, validate_object_pose
+from pilotfish.environments.world import FLOOR
 from pilotfish.geometry import Pose
 from pilotfish.validation import require_number, shorten_repr
 

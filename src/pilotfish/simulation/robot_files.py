@@ -1,0 +1,71 @@
+"""Robots by name or from a file in URDF or MJCF."""
+
+from pathlib import Path
+
+from pilotfish.environments.robots import ROBOTS, Robot, robot_from_description
+from pilotfish.errors import InvalidInput
+from pilotfish.geometry import Pose
+from pilotfish.io import path_exists, read_file
+from pilotfish.validation import short_repr
+
+EXPECTED = "a robot in URDF or MJCF"
+SUFFIXES = (".urdf", ".xml", ".mjcf")
+MAX_BYTES = 4_000_000  # of one file; meshes are not read
+
+
+def find_robot(name: str, *, end_effector: str | None = None) -> Robot:
+    """Return a robot by its name, or read it from a file.
+
+    Args:
+        name: Key of `ROBOTS`, or a file in URDF or MJCF.
+        end_effector: As `robot_from_file`.
+
+    Raises:
+        InvalidInput: If no robot has this name, the file cannot be used, or end_effector is given without
+            a file.
+    """
+    if name in ROBOTS:
+        if end_effector is not None:
+            raise InvalidInput(
+                f"end_effector is {short_repr(end_effector)}, but the robot {name} needs none; leave it out"
+            )
+        return ROBOTS[name]
+    if Path(name).suffix.lower() not in SUFFIXES and not path_exists(Path(name)):
+        raise InvalidInput(
+            f"robot {short_repr(name)} is unknown, expected {', '.join(ROBOTS)} or a file "
+            f"({', '.join(SUFFIXES)})"
+        )
+    return robot_from_file(name, end_effector=end_effector)
+
+
+def robot_from_file(path: str | Path, *, end_effector: str | None = None, base: Pose | None = None) -> Robot:
+    """Return the robot that a URDF or MJCF file describes: a serial arm of hinge joints.
+
+    Kinematics, masses, inertias, limits and torque limits are those of the file. Shapes are capsules between
+    the joints: meshes are neither needed nor read. What is attached beyond the end effector, such as a
+    gripper, is left out, because each task mounts its own tool. Files that the file includes are read from
+    its folder.
+
+    Args:
+        path: File in URDF (.urdf) or MJCF (.xml).
+        end_effector: Link, body or site on which tools are mounted, pointing along its z axis; None for the
+            only end of the chain.
+        base: Pose of the file's world in torso axes; None for a place before the objects of the tasks.
+
+    Raises:
+        InvalidInput: If the file cannot be read, is no serial arm, or lacks limits or masses.
+    """
+    file = Path(path)
+    data = read_file(file, EXPECTED, MAX_BYTES)
+
+    def read_included(name: str) -> bytes:
+        included = (file.parent / name).resolve()
+        if not included.is_relative_to(file.parent.resolve()):
+            raise InvalidInput(
+                f"{file} includes {short_repr(name)}, which is outside its folder; copy it into {file.parent}"
+            )
+        return read_file(included, EXPECTED, MAX_BYTES)
+
+    return robot_from_description(
+        data, name=str(file), end_effector=end_effector, base=base, read_included=read_included
+    )
