@@ -12,8 +12,8 @@ from typing import Any
 PACKAGES = (
     "models.durations", "models.online", "models", "demonstrations", "gaussians.structures", "gaussians",
     "geometry", "control", "planning", "assistance", "teleop", "plots", "panel", "io.datasets",
-    "io.readers", "io.writers", "io", "environments.human", "environments.baxter", "environments", "vision",
-    "simulation", "cluster", "kernels", "errors", "validation",
+    "io.readers", "io.writers", "io", "environments.human", "environments.baxter", "environments.robots",
+    "environments", "vision", "simulation", "cluster", "kernels", "errors", "validation",
 )  # fmt: skip
 
 

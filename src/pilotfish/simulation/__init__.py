@@ -29,7 +29,7 @@ from pilotfish.simulation.recording import (
     simulated_leader,
     situation_from_seed,
 )
-from pilotfish.simulation.robot_files import find_robot, robot_from_file
+from pilotfish.simulation.robot_files import find_robot, robot_from_file, write_joint_trajectory
 from pilotfish.simulation.selection import select_by_success
 from pilotfish.simulation.session_recorder import SessionRecorder, changed_versions, replay_session
 from pilotfish.simulation.study import (
@@ -103,4 +103,5 @@ __all__ = [
     "study_runs",
     "teleoperate",
     "write_film",
+    "write_joint_trajectory",
 ]

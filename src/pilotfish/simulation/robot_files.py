@@ -1,12 +1,15 @@
 """Robots by name or from a file in URDF or MJCF."""
 
+import csv
 from pathlib import Path
 
-from pilotfish.environments.robots import ROBOTS, Robot, robot_from_description
+import numpy as np
+
+from pilotfish.environments.robots import ROBOTS, JointTrajectory, Robot, robot_from_description
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose
-from pilotfish.io import path_exists, read_file
-from pilotfish.validation import short_repr
+from pilotfish.io import atomic_file, path_exists, read_file
+from pilotfish.validation import require_type, short_repr
 
 EXPECTED = "a robot in URDF or MJCF"
 SUFFIXES = (".urdf", ".xml", ".mjcf")
@@ -69,3 +72,27 @@ def robot_from_file(path: str | Path, *, end_effector: str | None = None, base: 
     return robot_from_description(
         data, name=str(file), end_effector=end_effector, base=base, read_included=read_included
     )
+
+
+def write_joint_trajectory(trajectory: JointTrajectory, path: str | Path, *, overwrite: bool = False) -> None:
+    """Write the motion of joints as a CSV file: a header, then time, positions and velocities of each sample.
+
+    Args:
+        trajectory: Motion, from `joint_trajectory`.
+        path: File to write; it is complete or absent at every moment.
+        overwrite: Whether an existing file may be replaced.
+
+    Raises:
+        InvalidInput: If the file exists and may not be replaced, or cannot be written.
+    """
+    require_type(trajectory, "trajectory", JointTrajectory, "joint_trajectory(...) returns one")
+    names = trajectory.joint_names
+    header = ["time [s]", *(f"{name} [rad]" for name in names), *(f"{name} [rad/s]" for name in names)]
+    table = np.column_stack([trajectory.times, trajectory.q, trajectory.velocity])
+    with (
+        atomic_file(path, overwrite=overwrite) as file,
+        file.open("w", encoding="utf-8", newline="") as stream,
+    ):
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows([f"{value:.9g}" for value in row] for row in table.tolist())

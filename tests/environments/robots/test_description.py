@@ -69,7 +69,7 @@ def test_arm_performs_a_short_motion(described, rng):
     _, arm = described
     task = TASKS["carabiner"]
     cell = Workcell(task, task.sample_situation(rng), robot=arm)
-    target = Pose(cell.target.position + [0.03, 0.0, 0.0], cell.target.quaternion)
+    target = Pose(cell.target.position + np.array([0.03, 0.0, 0.0]), cell.target.quaternion)
     cell.step_impedance(target, 0.0, 800)
     assert np.linalg.norm(cell.arm.tool.position - target.position) < 0.005
 
@@ -111,6 +111,13 @@ def test_reference_and_anchor_of_a_joint_are_kept(rng):
 
 
 BOMB = '<!DOCTYPE a [<!ENTITY b "ha"><!ENTITY c "&b;&b;&b;&b;">]>' + urdf()
+LIMIT = '<limit lower="-6.2" upper="6.2" effort="28.0" velocity="3.1"/>'
+LIFT = '<joint name="lift" type="revolute">'
+BRANCH = (
+    '<link name="tool0"/><link name="other"/><joint name="f" type="fixed"><parent link="elbow_link"/>'
+    '<child link="other"/></joint>'
+)
+XACRO = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"'
 REFUSED = {
     "empty": ("", "not well-formed XML"),
     "text": ("a robot", "not well-formed XML"),
@@ -120,33 +127,21 @@ REFUSED = {
     "deep": ("<mujoco>" + "<body>" * 5000 + "</body>" * 5000 + "</mujoco>", "levels"),
     "long": ("<mujoco>" + "<a/>" * 60_000 + "</mujoco>", "more than 50000 elements"),
     "prismatic": (urdf().replace('"elbow" type="revolute"', '"elbow" type="prismatic"'), "of type slide"),
-    "no limits": (urdf().replace('<limit lower="-6.2" upper="6.2" effort="28.0" velocity="3.1"/>', ""), "limit"),
+    "no limits": (urdf().replace(LIMIT, ""), "limit"),
     "no effort": (urdf().replace('effort="28.0"', ""), "add both"),
     "zero effort": (urdf().replace('effort="28.0"', 'effort="0"'), "expected positive"),
-    "text effort": (urdf().replace('effort="28.0"', 'effort="lots"'), "number"),
+    "text effort": (urdf().replace('effort="28.0"', 'effort="lots"'), "bad format|number"),
     "nan effort": (urdf().replace('effort="28.0"', 'effort="nan"'), "expected positive"),
     "no mass": (urdf().replace('<mass value="2.8"/>', '<mass value="0"/>'), "inertial"),
-    "no range": (mjcf().replace('<joint name="elbow"/>', '<joint name="elbow" limited="false"/>'), "no range"),
-    "no torque": (mjcf().replace("forcerange", "lengthrange"), "torque limit 0"),
+    "no range": (mjcf().replace('name="elbow"/>', 'name="elbow" limited="false"/>'), "no range"),
+    "no torque": (mjcf().split("<actuator>")[0] + "</mujoco>", "torque limit 0"),
     "unknown link": (urdf().replace('parent link="pan_link"', 'parent link="x"'), "cannot compile"),
     "generated": (mjcf().replace("<light", '<replicate count="9"><body/></replicate><light'), "replicate"),
     "include": (mjcf().replace("<asset>", '<include file="../x.xml"/><asset>'), "includes other files"),
-    "mimic": (
-        urdf().replace('<joint name="lift" type="revolute">', '<joint name="lift" type="revolute"><mimic joint="pan"/>'),
-        "mimics",
-    ),
-    "xacro": (
-        urdf().replace("<robot", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"').replace(
-            '<link name="base_link"/>', '<link name="base_link"/><xacro:arm/>'
-        ),
-        "xacro arm.urdf",
-    ),
-    "branch": (
-        urdf(tip='<link name="tool0"/><link name="other"/><joint name="f" type="fixed"><parent link="elbow_link"/>'
-        '<child link="other"/></joint>'),
-        "several ends: .*name the end effector",
-    ),
-}  # fmt: skip
+    "mimic": (urdf().replace(LIFT, LIFT + '<mimic joint="pan"/>'), "mimics"),
+    "xacro": (urdf().replace("<robot", XACRO).replace("</robot>", "<xacro:arm/></robot>"), "xacro arm.urdf"),
+    "branch": (urdf(tip=BRANCH), "several ends: .*name the end effector"),
+}
 
 
 @pytest.mark.parametrize("case", sorted(REFUSED))
@@ -162,7 +157,7 @@ def test_other_encoding_is_refused():
 
 
 def test_unknown_end_effector_is_refused_with_the_names():
-    with pytest.raises(InvalidInput, match="no link, body or site 'hand', expected one of .*tool0"):
+    with pytest.raises(InvalidInput, match=r"no link, body or site 'hand', expected one of .*tool0"):
         robot(urdf(), end_effector="hand")
 
 

@@ -101,9 +101,8 @@ def test_chain_equals_kinematics_of_mujoco(name, rng):
         cell.arm.q[:] = q = random_posture(name, rng)
         mujoco.mj_kinematics(cell.model, cell.data)
         mujoco.mj_comPos(cell.model, cell.data)
-        np.testing.assert_allclose(
-            homogeneous(cell.arm.tool), homogeneous(chain.forward_kinematics(q)), atol=1e-9
-        )
+        expected = homogeneous(chain.forward_kinematics(q))
+        np.testing.assert_allclose(homogeneous(cell.arm.tool), expected, atol=1e-9)
         np.testing.assert_allclose(cell.arm.jacobian(), chain.jacobian(q), atol=1e-9)
 
 
@@ -137,7 +136,7 @@ def test_solve_posture_returns_a_posture_at_the_pose_within_limits(rng):
         found = solve_posture(robot, target, 0.1)
         reached = chain_with_tool(robot, 0.1).forward_kinematics(found)
         np.testing.assert_allclose(homogeneous(reached), homogeneous(target), atol=1e-3)
-        assert (found >= robot.limits.lower).all() and (found <= robot.limits.upper).all()
+        assert (np.clip(found, robot.limits.lower, robot.limits.upper) == found).all()
 
 
 @pytest.mark.parametrize("name", ARMS)
@@ -150,7 +149,7 @@ def test_guidance_without_second_arm_draws_the_tool_to_the_hand(rng):
     task = TASKS["stab"]
     cell = Workcell(task, task.sample_situation(rng), robot=ROBOTS["panda"], guided=True)
     assert cell.leader_arm is None
-    hand = Pose(cell.target.position + [0.0, 0.0, 0.05], cell.target.quaternion)
+    hand = Pose(cell.target.position + np.array([0.0, 0.0, 0.05]), cell.target.quaternion)
     cell.step_guidance(hand, 0.0, 500)
     assert np.array_equal(cell.guided_tool.position, hand.position)
     cell.step_guidance(hand, 0.0, 800)

@@ -1,6 +1,7 @@
 """Valid arguments of the public functions of control, planning, environments and plots."""
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from fuzzing.examples_of_values import Examples, new_rng, unit_quaternions
 from fuzzing.seeds import FAST_SETTINGS, streams, valve_demonstrations
 from pilotfish import control, demonstrations, gaussians, geometry, kernels, models, planning
 from pilotfish.environments import Manipulation, stack_measurements
+from pilotfish.environments.robots import ROBOTS
 
 
 @cache
@@ -196,6 +198,24 @@ def environments_examples() -> Examples:
         "stack_measurements": {"measurements": periods},
         "manipulation.step": {"action": action},
         "manipulation.reset": {"options": {"situation": cell.task.sample_situation(new_rng())}},
+    }
+
+
+def robots_examples() -> Examples:
+    robot = ROBOTS["ur5e"]
+    start = robot.chain.tool_poses(robot.posture)
+    text = Path(__file__).parents[3] / "examples" / "arm.urdf"
+    return {
+        "chain_with_tool": {"robot": robot, "tool_length": 0.1},
+        "joint_trajectory": {
+            "robot": robot,
+            "poses": np.stack([start, start]),
+            "period": 0.1,
+            "controller_period": 0.01,
+            "tool_length": 0.0,
+            "start": robot.posture,
+        },
+        "robot_from_description": {"data": text.read_bytes(), "name": "arm.urdf", "end_effector": "tool0"},
     }
 
 

@@ -44,6 +44,7 @@ EXAMPLES: Mapping[str, Callable[[], Examples]] = {
     "control": examples_of_motions.control_examples,
     "planning": examples_of_motions.planning_examples,
     "environments": examples_of_motions.environments_examples,
+    "environments.robots": examples_of_motions.robots_examples,
     "plots": examples_of_motions.plots_examples,
     "panel": examples_of_panel.panel_examples,
     "teleop": lambda: {**examples_of_links.link_examples(), **examples_of_teleop.teleop_examples()},
@@ -64,6 +65,7 @@ EXCLUDED_PACKAGES: Mapping[str, str] = {
 
 # Functions without arguments here, and why.
 EXCLUDED: Mapping[str, str] = {
+    "environments.robots.solve_posture": "searches for a second where a pose is out of reach",
     **{f"io.{name}": "decoders and readers are targets of their own: see targets.py" for name in io.__all__},
     "demonstrations.pose_layout": "takes no arguments",
     "demonstrations.require_compatible": "returns nothing; `views` calls it",
