@@ -56,7 +56,7 @@ def robot_from_file(path: str | Path, *, end_effector: str | None = None, base: 
         base: Pose of the file's world in torso axes; None for a place before the objects of the tasks.
 
     Raises:
-        InvalidInput: If the file cannot be read, is no serial arm, or lacks limits or masses.
+        InvalidInput: If the file cannot be read, does not describe a serial arm, or lacks limits or masses.
     """
     file = Path(path)
     data = read_file(file, EXPECTED, MAX_BYTES)

@@ -77,7 +77,7 @@ def test_forward_kinematics_equals_denavit_hartenberg_product(name, rng):
 
 
 def test_panda_ready_posture_is_where_franka_puts_it():
-    """The flange of a Panda in its "ready" posture is 0.307 m ahead of the base and 0.590 m above it, down."""
+    """The flange of a Panda in its "ready" posture points down, 0.307 m ahead of the base and 0.590 m up."""
     q = np.array([0, -pi / 4, 0, -3 * pi / 4, 0, pi / 2, pi / 4])
     hand = ROBOTS["panda"].chain.world_from_base.inverse() @ ROBOTS["panda"].chain.forward_kinematics(q)
     np.testing.assert_allclose(hand.position, [0.306891, 0.0, 0.590282], atol=1e-6)

@@ -150,7 +150,8 @@ def joint_limits_of_urdf(root: Element, name: str) -> dict[str, tuple[float, flo
             found[joint.get("name", "")] = float(limit.get("effort", "")), float(limit.get("velocity", ""))
         except ValueError as error:
             raise InvalidInput(
-                f"{name}: joint {short_repr(joint.get('name'))} has a limit that is no number ({error})"
+                f"{name}: joint {short_repr(joint.get('name'))} has a limit that cannot be read as a number "
+                f"({error})"
             ) from error
     return found
 

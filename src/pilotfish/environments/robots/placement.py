@@ -3,7 +3,6 @@
 import numpy as np
 
 from pilotfish.control import SerialChain, inverse_kinematics
-from pilotfish.control.serial_chain import joint_frames
 from pilotfish.environments.robots.robot import IDENTITY, REACH_TOLERANCE
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose
@@ -60,7 +59,18 @@ def comfortable_posture(chain: SerialChain, limits: ArmLimits, name: str) -> Flo
 
 
 def _comfort(chain: SerialChain, limits: ArmLimits, q: Float[Array, " n"]) -> float:
-    joints, _, _, _ = joint_frames(chain, q)
     margin = float(np.minimum(q - limits.lower, limits.upper - q).min())
     singular = float(np.linalg.svd(chain.jacobian(q), compute_uv=False)[-1])
-    return singular + 0.5 * min(margin, MARGIN) + HEIGHT_WEIGHT * float(joints[:, 2].mean())
+    return singular + 0.5 * min(margin, MARGIN) + HEIGHT_WEIGHT * _mean_height(chain, q)
+
+
+def _mean_height(chain: SerialChain, q: Float[Array, " n"]) -> float:
+    """Return the mean height of the joints [m]."""
+    origin = Pose(np.zeros(3), IDENTITY)
+    heights = []
+    for n in range(1, len(q) + 1):
+        part = SerialChain(
+            chain.world_from_base, chain.positions[:n], chain.quaternions[:n], chain.axes[:n], origin
+        )
+        heights.append(part.forward_kinematics(q[:n]).position[2])
+    return float(np.mean(heights))
