@@ -133,6 +133,8 @@ REFUSED = {
     "text effort": (urdf().replace('effort="28.0"', 'effort="lots"'), "bad format|number"),
     "nan effort": (urdf().replace('effort="28.0"', 'effort="nan"'), "expected positive"),
     "no mass": (urdf().replace('<mass value="2.8"/>', '<mass value="0"/>'), "inertial"),
+    "infinite mass": (urdf().replace('value="2.8"', 'value="1e308"'), "mass that is not finite or above"),
+    "millimetres": (urdf().replace("-0.425", "-425"), "position that is not finite or above 100 m"),
     "no range": (mjcf().replace('name="elbow"/>', 'name="elbow" limited="false"/>'), "no range"),
     "no torque": (mjcf().split("<actuator>")[0] + "</mujoco>", "torque limit 0"),
     "unknown link": (urdf().replace('parent link="pan_link"', 'parent link="x"'), "cannot compile"),

@@ -5,6 +5,7 @@ to the link that carries them. What lies beyond the end effector is left out, an
 end effector is named. The arm is then built anew from numbers, so that nothing else of the file is simulated.
 """
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree
@@ -31,6 +32,7 @@ from pilotfish.types import Array, Float
 from pilotfish.validation import MAX_NAME_LENGTH, require_type, short_list, short_repr
 
 MAX_JOINTS = 16
+MAX_LENGTH, MAX_MASS, MAX_INERTIA = 100.0, 1e4, 1e4  # m, kg, kg m^2
 FULL_TURN = 2.0 * np.pi  # rad, limit of a joint that turns without end
 DEFAULT_VELOCITY = 0.5 * np.pi  # rad/s, where the file has no velocity limits: MJCF has none
 DEFAULT_ROTOR = 0.05  # kg m^2, where the file has no armature
@@ -86,13 +88,32 @@ def _compile(root: Element, name: str) -> mujoco.MjModel:
         extension = ElementTree.SubElement(root, "mujoco")
         ElementTree.SubElement(extension, "compiler", fusestatic="false", discardvisual="true")
     try:
-        return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode")).compile()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of MuJoCo: what matters here is checked below
+            model = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode")).compile()
     except (ValueError, TypeError, RuntimeError) as error:
         reason = " ".join(str(error).split())
         fix = "correct the file"
         if "mjMINVAL" in reason:
             fix = "give each moving link <inertial> with mass and inertia; meshes are not read"
         raise InvalidInput(f"MuJoCo cannot compile {name}: {reason[:MAX_NAME_LENGTH]}; {fix}") from error
+    _require_plausible(model, name)
+    return model
+
+
+def _require_plausible(model: mujoco.MjModel, name: str) -> None:
+    """Raise InvalidInput if a length, mass or inertia is not finite or far too large for an arm."""
+    for what, unit, numbers, limit in (
+        ("position", "m", np.concatenate([model.body_pos, model.body_ipos]), MAX_LENGTH),
+        ("joint position", "m", model.jnt_pos, MAX_LENGTH),
+        ("mass", "kg", model.body_mass, MAX_MASS),
+        ("inertia", "kg m^2", model.body_inertia, MAX_INERTIA),
+        ("armature", "kg m^2", model.dof_armature, MAX_INERTIA),
+    ):
+        if not (abs(numbers) <= limit).all():
+            raise InvalidInput(
+                f"{name} has a {what} that is not finite or above {limit:g} {unit}; use SI units"
+            )
 
 
 def _find_end(described: _Description, end_effector: str | None) -> tuple[int, Pose]:

@@ -14,7 +14,7 @@ from pilotfish.types import Array, Float
 from pilotfish.validation import require_number, require_type, shorten_repr
 
 REACH_TOLERANCE = 1e-3  # m, rad: largest error of a posture
-RESTARTS = 16  # starts of the search besides the nominal posture
+RESTARTS, RESTART_ITERATIONS = 16, 80  # starts of the search besides the nominal posture, and their steps
 MAX_TOOL_LENGTH = 3.0  # m
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 SIDE = "right"  # prefix of the joints of the arm that holds the tool
@@ -112,7 +112,17 @@ def solve_posture(robot: Robot, tool: Pose, tool_length: float = 0.0) -> Float[A
     if max(first[1], first[2]) <= REACH_TOLERANCE:
         return first[0]
     starts = np.random.default_rng(0).uniform(limits.lower, limits.upper, (RESTARTS, len(nominal)))
-    found = [inverse_kinematics(chain, tool, 0.5 * (nominal + q), limits, posture=nominal) for q in starts]
+    found = [
+        inverse_kinematics(
+            chain,
+            tool,
+            0.5 * (nominal + q),
+            limits,
+            posture=nominal,
+            max_iterations=RESTART_ITERATIONS,
+        )
+        for q in starts
+    ]
     if reached := [q for q, distance, angle, _ in found if max(distance, angle) <= REACH_TOLERANCE]:
         return min(reached, key=lambda q: float(np.linalg.norm(q - nominal)))
     _, distance, angle, _ = min([first, *found], key=lambda solution: solution[1] + solution[2])
