@@ -7,7 +7,8 @@ without a second one. A skill is learned from each recording with the defaults o
 then performs both skills in twenty new situations by impedance control at 1 kHz.
 
 The table gives the number of successes, the median final error in the task's unit, the median of the largest
-force on the tool, and the median duration. A situation that the arm does not reach counts as a failure.
+force on the tool, and the median duration. A situation that the arm does not reach counts as a failure. If a
+demonstration fails five times, its reason is printed in place of a row.
 
 The table has no counterpart in Tanwani 2018, where every task is done by Baxter.
 """
@@ -64,8 +65,12 @@ def main() -> None:
         skills: dict[str, tuple[pf.Skill, int]] = {}
         for robot in arguments.robots:
             for teacher in dict.fromkeys((TEACHER, robot)):
-                if teacher not in skills:
-                    skills[teacher] = learn_skill(teacher, task, arguments)
+                try:
+                    if teacher not in skills:
+                        skills[teacher] = learn_skill(teacher, task, arguments)
+                except SkillError as error:
+                    print(f"{robot:<8} {task:<12} skill of {teacher:<8} not recorded: {error}", flush=True)
+                    continue
                 rows.append(evaluate(robot, TASKS[task], (teacher, *skills[teacher]), arguments))
                 print_row(rows[-1])
     if arguments.json:

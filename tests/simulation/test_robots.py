@@ -18,6 +18,7 @@ from pilotfish.simulation import (
     situation_from_seed,
     write_joint_trajectory,
 )
+from pilotfish.simulation.recording import describe_unreached_goal
 
 
 def test_find_robot_by_name_and_by_file(tmp_path: Path):
@@ -102,3 +103,13 @@ def test_written_joint_trajectory_has_header_and_all_samples(tmp_path: Path):
     np.testing.assert_allclose(np.array(table, dtype=float), expected, rtol=1e-8, atol=1e-12)
     with pytest.raises(InvalidInput):
         write_joint_trajectory(motion, tmp_path / "motion.csv")
+
+
+def test_goal_out_of_reach_is_described():
+    """The second valve of seed 0 is too low for the horizontal gripper of the Panda, the first is not."""
+    task = TASKS["valve"]
+    first, second = (situation_from_seed(task, "demonstration", 0, number) for number in (0, 1))
+    assert describe_unreached_goal(task, first, ROBOTS["panda"]) == ""
+    note = describe_unreached_goal(task, second, ROBOTS["panda"])
+    assert "panda does not reach the goal of 'line up' at [0.768, -0.377, 0.076] m" in note
+    assert describe_unreached_goal(task, second, ROBOTS["ur5e"]) == ""

@@ -12,6 +12,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
+from pilotfish.control import inverse_kinematics
 from pilotfish.demonstrations import (
     Demonstration,
     Frame,
@@ -34,7 +35,7 @@ from pilotfish.environments.human import (
     initial_state,
     step_human,
 )
-from pilotfish.environments.robots import ROBOTS, Robot
+from pilotfish.environments.robots import ROBOTS, Robot, chain_with_tool
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.geometry import Pose
 from pilotfish.types import Array, Float
@@ -47,6 +48,7 @@ STEPS_PER_OBSERVATION = round(OBSERVATION_PERIOD / Workcell.timestep)
 OBSERVATIONS_PER_ROW = round(PERIOD / OBSERVATION_PERIOD)
 EXTRA_TIME_PER_DELAY = 40.0  # s for each second of delay: the number of observations that a task may need
 TIME_TOLERANCE = 1e-9  # s
+REACH_TOLERANCE = 1e-3  # m, rad: a goal farther from the nearest posture is out of reach
 MAX_ATTEMPTS = 5  # of one demonstration
 SPLITS = {"demonstration": 1, "test": 2, "selection": 3}  # independent streams of situations
 DEFAULT_HUMAN = HumanModel()
@@ -272,7 +274,31 @@ def record_demonstrations(
                 yield recorded, attempt + 1
                 break
         else:
+            fix = describe_unreached_goal(task, situation, robot) or "a human model with less noise"
             raise SkillError(
                 f"demonstration {m} of {task.name!r} failed {MAX_ATTEMPTS} times, the last time because "
-                f"{recorded.outcome.reason}; choose another seed or a human model with less noise"
+                f"{recorded.outcome.reason}; choose another seed or {fix}"
             )
+
+
+def describe_unreached_goal(task: Task[S], situation: S, robot: Robot) -> str:
+    """Return which goal of a demonstration a robot does not reach, and what to change; empty if none.
+
+    Args:
+        task: Task from `TASKS`.
+        situation: Situation of the task; objects are where they are at the start.
+        robot: Robot from `ROBOTS`, or from `robot_from_file`.
+    """
+    cell = Workcell(task, situation, robot=robot)
+    chain, frames = chain_with_tool(robot, cell.mounted_tool.length), cell.frames()
+    q = posture = cell.arm.q.copy()
+    for subtask in task.demonstration_script(situation):
+        goal = subtask.goal(frames)
+        q, distance, angle, _ = inverse_kinematics(chain, goal, q, robot.limits, posture=posture)
+        if distance > REACH_TOLERANCE or angle > REACH_TOLERANCE:
+            return (
+                f"another robot or base: {robot.name} does not reach the goal of {subtask.name!r} at "
+                f"{np.round(goal.position, 3).tolist()} m, and stays {distance:.3g} m and {angle:.3g} rad "
+                "away"
+            )
+    return ""
