@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pilotfish.demonstrations import frame_from_pose
+from pilotfish.demonstrations import Layout, Part, Quantity, demonstration, frame_from_pose
 from pilotfish.geometry import pose
+from pilotfish.io.situations import read_start
 from pilotfish.io.skill_file import open_skill
+from pilotfish.models import adapt, learn
 
 RunJson = Callable[..., dict[str, Any]]
 
@@ -86,3 +88,14 @@ def test_read_frames_toml_equals_json(run_json: RunJson, skill: Path, frames: Pa
 
 def _toml(table: dict[str, Any]) -> str:
     return "\n".join(f"{key} = {json.dumps(value)}" for key, value in table.items())
+
+
+@pytest.mark.parametrize("text", ["gripper = 0.08", "gripper = [0.08]"])
+def test_read_start_of_one_column_is_a_number_or_a_list(text: str, tmp_path: Path):
+    """A start names the gripper as a user writes it."""
+    layout = Layout((Part("position", Quantity.POSITION, 2, "m"), Part("gripper", Quantity.SCALAR, 1, "m")))
+    rng = np.random.default_rng(0)
+    given = [demonstration(rng.normal(size=(12, 3)).cumsum(axis=0), 0.1, layout) for _ in range(2)]
+    model = adapt(learn(given, states=2, rng=rng).skill, given[0].frames)
+    (tmp_path / "start.toml").write_text(f"position = [1.0, 2.0]\n{text}\n")
+    np.testing.assert_array_equal(read_start(tmp_path / "start.toml", model), [1.0, 2.0, 0.08])

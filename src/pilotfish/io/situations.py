@@ -122,6 +122,7 @@ def _start_at_rest(content: dict[str, Any], path: str, layout: Layout) -> Float[
     x = np.zeros(layout.width)
     for (part, columns), key in zip(coordinates, needed, strict=True):
         values = finite_array(content[key], f"{path}: {key}")
+        values = values.reshape(1) if part.size == 1 and values.shape == () else values  # gripper = 0.08
         if values.shape != (part.size,):
             raise InvalidInput(f"{path}: {key} has shape {values.shape}, expected ({part.size},)")
         x[columns] = _normalise(values, path) if part.quantity in ORIENTATIONS else values
