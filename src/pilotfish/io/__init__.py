@@ -10,6 +10,7 @@ from pilotfish.io.demonstration_folder import (
     write_demonstrations,
 )
 from pilotfish.io.demonstration_sets import MAX_GROUP, GroupFiles, is_lerobot, list_groups, read_group
+from pilotfish.io.folder_template import write_folder_template
 from pilotfish.io.import_settings import format_import_settings, read_import_settings
 from pilotfish.io.motions import normalise_quaternions, write_motion
 from pilotfish.io.paths import is_folder, path_exists, read_file, resolve_path
@@ -56,5 +57,6 @@ __all__ = [
     "save_stream",
     "synthetic_valve",
     "write_demonstrations",
+    "write_folder_template",
     "write_motion",
 ]

@@ -41,6 +41,11 @@ from pilotfish.io.paths import is_file, is_folder, path_exists, read_file, resol
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_type, short_list, short_repr
 
+MANIFEST_FIX = (
+    "convert recordings with io.readers and build_demonstration, or write a template with "
+    "io.write_folder_template"
+)
+
 
 def read_demonstrations(path: str | Path, numbers: range | None = None) -> tuple[Demonstration, ...]:
     """Return the demonstrations of a folder, in the order of its manifest.
@@ -113,7 +118,7 @@ def write_demonstrations(
     if not use_free_name:
         require_replaceable(path, overwrite=overwrite)
     target = resolve_path(path)
-    with atomic_folder(target, partial(_require_demonstrations, target) if overwrite else None) as folder:
+    with atomic_folder(target, partial(require_demonstrations, target) if overwrite else None) as folder:
         for name, data in files.items():
             (folder / name).write_bytes(data)
 
@@ -135,16 +140,18 @@ def require_replaceable(path: str | Path, *, overwrite: bool) -> None:
         return
     if not overwrite:
         raise InvalidInput(f"{path} exists; choose another place, or pass overwrite=True")
-    _require_demonstrations(target, target)
+    require_demonstrations(target, target)
 
 
 def _read_manifest(folder: Path) -> Manifest:
     if not is_folder(folder):
-        raise InvalidInput(f"{folder} is not a folder, expected one with demonstrations.toml in it")
+        raise InvalidInput(f"{folder} is not a folder, expected one with {MANIFEST_NAMES[0]} in it")
     present = [name for name in MANIFEST_NAMES if is_file(folder / name)]
     if len(present) != 1:
-        found = "both" if present else "neither"
-        raise InvalidInput(f"{folder} has {found} of {' and '.join(MANIFEST_NAMES)}, expected exactly one")
+        found, fix = ("both", "remove one") if present else ("neither", MANIFEST_FIX)
+        raise InvalidInput(
+            f"{folder} has {found} of {' and '.join(MANIFEST_NAMES)}, expected exactly one: {fix}"
+        )
     return parse_manifest(_read_inside(folder, present[0], "a manifest", MAX_MANIFEST_BYTES), present[0])
 
 
@@ -248,8 +255,16 @@ def _frame_to_dict(n: int, given: Frame | MovingFrame) -> dict[str, Any]:
     return {"name": given.name, "A": np.asarray(given.A).tolist(), "b": np.asarray(given.b).tolist()}
 
 
-def _require_demonstrations(target: Path, folder: Path) -> None:
-    """Raise InvalidInput unless folder, whose usual name is target, holds demonstrations and nothing else."""
+def require_demonstrations(target: Path, folder: Path) -> None:
+    """Check that a folder holds demonstrations and nothing else, and may thus be replaced.
+
+    Args:
+        target: Usual name of the folder, for messages.
+        folder: Folder.
+
+    Raises:
+        InvalidInput: If it holds anything else.
+    """
     try:
         known = {*MANIFEST_NAMES, *_read_manifest(folder)[2]}
         names = _list_folder(folder)

@@ -1,4 +1,4 @@
-"""pilotfish data: list, describe, import, check and export demonstrations."""
+"""pilotfish data: list, describe, import, check and export demonstrations; write a template."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from pilotfish.cli.commands.data_import import import_recordings
+from pilotfish.cli.commands.data_init import write_template
 from pilotfish.cli.options.demonstrations import (
     SYNTHETIC_NAME,
     load_dataset,
@@ -34,6 +35,7 @@ def data() -> None:
 
 
 data.add_command(import_recordings)
+data.add_command(write_template)
 
 
 @data.command(name="list", epilog=example_epilog("pilotfish data list"))

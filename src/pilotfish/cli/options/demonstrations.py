@@ -32,6 +32,9 @@ SYNTHETIC_NAME = "synthetic valve"  # generated demonstrations, which need no do
 COMMAND_FIXES = {
     "pass unwrap_orientations(x, layout)": "pilotfish data import {source} --out NEW makes them continuous",
     "resample the recording with build_demonstration": "resample: pilotfish data import {source} --out NEW",
+    "convert recordings with io.readers and build_demonstration, or write a template with "
+    "io.write_folder_template": "pilotfish data import {source} --out NEW converts recordings, "
+    "pilotfish data init NEW writes a template",
 }
 DEMONSTRATION_SUFFIXES = (".csv", ".npz", ".toml", ".json")
 
