@@ -1,6 +1,6 @@
 """Run the commands and programs of the tutorials, and write their output and pictures into the pages.
 
-    python docs/run_tutorials.py [first-skill own-recordings simulated-task stream]
+    python docs/run_tutorials.py [first-skill own-recordings ...]
 
 A page is run from top to bottom in an empty folder. A `console` block has commands after `$ ` and their
 output. The `python` blocks of a page are one program; a `text` block after one of them is its output. The

@@ -14,6 +14,8 @@ RUNNER: dict[str, Any] = runpy.run_path(str(TOP / "docs" / "run_tutorials.py"))
 PAGES = [
     "first-skill",
     "own-recordings",
+    pytest.param("ros-recording", marks=pytest.mark.slow),  # writes and reads bags: 9 CPU seconds
+    pytest.param("lerobot-dataset", marks=pytest.mark.slow),  # seven processes: 10 CPU seconds
     pytest.param("simulated-task", marks=pytest.mark.slow),  # records and executes in physics: 12 CPU seconds
     "stream",
 ]

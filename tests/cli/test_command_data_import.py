@@ -177,3 +177,26 @@ def test_length_unit_is_not_the_answer_if_only_some_positions_are_in_question(
     assert "--settings" in message
     assert "--length-unit" not in message
     assert "in m, cm or mm?" in run_failing("data", "import", "a.csv", "--out", "a", "--length-unit", "mm")
+
+
+def test_base_frame_precedes_the_objects(
+    run_json: RunJson, run_failing: Callable[..., str], tmp_path: Path, rng: np.random.Generator
+):
+    write_logs(tmp_path / "logs", rng)
+    run_json("data", "import", "logs", "--out", "plain")
+    run_json("data", "import", "logs", "--out", "cup", "--base-frame", "base")
+    for demo, plain in zip(pf.load("cup"), pf.load("plain"), strict=True):
+        assert [frame.name for frame in demo.frames] == ["base", "cup"]
+        assert demo.frames[0].is_world
+        np.testing.assert_array_equal(demo.x, plain.x)
+        np.testing.assert_array_equal(demo.frames[1].A, plain.frames[0].A)
+    assert "the name of an object" in run_failing(
+        "data", "import", "logs", "--out", "new", "--base-frame", "cup"
+    )
+    assert not (tmp_path / "new").exists()
+
+
+def test_base_frame_of_recordings_without_objects_is_the_only_frame(run_json: RunJson, tmp_path: Path):
+    (tmp_path / "a.csv").write_text("time [s],x [m],y [m],z [m]\n0,0,0,0\n0.1,0,0,1\n0.2,0,1,2\n")
+    run_json("data", "import", "a.csv", "--out", "a", "--base-frame", "base")
+    assert [frame.name for frame in pf.load("a")[0].frames] == ["base"]

@@ -29,7 +29,10 @@ from pilotfish.demonstrations import (
     Question,
     Recording,
     build_demonstration,
+    demonstration,
+    frame,
     suggest_settings,
+    world_frame,
 )
 from pilotfish.errors import InvalidInput
 from pilotfish.io import (
@@ -88,6 +91,11 @@ OPTIONS = {  # that answer a question
     help="Time between two rows of a demonstration [s].  [default: that of the recordings]",
 )
 @click.option("--moving", multiple=True, metavar="FRAME", help="Object that moves during a demonstration.")
+@click.option(
+    "--base-frame",
+    metavar="NAME",
+    help="Name of an additional frame, the base of the robot, for motions that begin at places fixed to it.",
+)
 @click.option("--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Unit of the times.")
 @click.option("--force", is_flag=True, help="Replace existing outputs.")
 @print_result
@@ -121,7 +129,7 @@ def import_recordings(source: Path, **options: Any) -> CommandResult:
     if out is None:
         return proposal(recordings, settings, table, open_questions, saved)
     _require_answers(table, open_questions, accept=options["accept"])
-    built = list(_build(recordings, settings))
+    built = list(_build(recordings, settings, options["base_frame"]))
     write_demonstrations([demo for demo, _ in built], out, overwrite=options["force"], use_free_name=True)
     return import_result(recordings, settings, table, built, out)
 
@@ -137,6 +145,7 @@ def _require_outputs(source: Path, out: Path | None, saved: Path | None, options
 def _restore(recordings: Sequence[Recording], options: dict[str, Any]) -> list[Demonstration]:
     """Return the demonstrations that pilotfish exported; none if it did not, or options change them."""
     changes = ("settings", "save_settings", "order", "length_unit", "angle_unit", "period", "moving")
+    changes += ("base_frame",)
     if any(options[name] for name in changes):
         return []
     restored = [restore_demonstration(recording) for recording in recordings]
@@ -224,9 +233,22 @@ def _require_answers(table: Table, questions: Sequence[Question], *, accept: boo
 
 
 def _build(
-    recordings: Sequence[Recording], settings: BuildSettings
+    recordings: Sequence[Recording], settings: BuildSettings, base_frame: str | None
 ) -> Iterator[tuple[Demonstration, Conversion]]:
     with progress_bar(len(recordings), "recordings") as advance:
         for recording in recordings:
-            yield build_demonstration(recording, settings)
+            demo, conversion = build_demonstration(recording, settings)
+            yield _with_base_frame(demo, base_frame), conversion
             advance(recording.name)
+
+
+def _with_base_frame(demo: Demonstration, name: str | None) -> Demonstration:
+    """Return a demonstration with the frame in which its rows are, before those of the objects."""
+    if name is None:
+        return demo
+    objects = [given for given in demo.frames if given.is_moving or not given.is_world]
+    if any(given.name == name for given in objects):
+        raise InvalidInput(f"--base-frame is {name!r}, the name of an object; choose another name")
+    world = world_frame(demo.layout.width)
+    frames = [frame(name, world.A, world.b), *objects]
+    return demonstration(demo.x, demo.period, demo.layout, frames, demo.name)
