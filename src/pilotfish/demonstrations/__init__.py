@@ -21,7 +21,7 @@ from pilotfish.demonstrations.layouts import Layout, Part, Quantity, pose_layout
 from pilotfish.demonstrations.pose_frames import frame_from_pose, moving_frame_from_poses, planar_frame
 from pilotfish.demonstrations.recording import Demonstration, demonstration
 from pilotfish.demonstrations.reference_frames import to_common_reference_frames
-from pilotfish.demonstrations.resampling import resample
+from pilotfish.demonstrations.resampling import resample, resample_to_period
 from pilotfish.demonstrations.rotation_conversion import to_quaternions
 from pilotfish.demonstrations.signals import Recording, Signal
 from pilotfish.demonstrations.signs import has_opposite_sign, unwrap_orientations
@@ -72,6 +72,7 @@ __all__ = [
     "position_layout",
     "require_compatible",
     "resample",
+    "resample_to_period",
     "select_columns",
     "select_switches",
     "suggest_settings",

@@ -36,6 +36,11 @@ def format_import_settings(settings: BuildSettings, questions: Sequence[str] = (
         lines.append("# period = 0.01  # time between two rows [s]; without it, that of the recordings")
     else:
         lines.append(f"period = {settings.period!r}  # time between two rows [s]")
+    if settings.unwrap is not None:
+        names = json.dumps(list(settings.unwrap), ensure_ascii=False)
+        lines.append(f"unwrap = {names}  # parts from which jumps of 2 pi are removed")
+    if not settings.thin:
+        lines.append("thin = false  # keep rows that repeat the row before")
     lines.append(f"# max_gap = {settings.max_gap!r}  # longest gap that is interpolated, in periods")
     for part in settings.parts:
         values = {**{key: getattr(part, key) for key in PART_KEYS}, "quantity": part.quantity.value}

@@ -94,6 +94,7 @@ def demonstrations_examples() -> Examples:
         "to_sphere": {"demo": demo},
         "position_layout": {"axes": 2, "unit": "m"},
         "resample": {"demo": demo, "steps": 9},
+        "resample_to_period": {"demo": demo, "period": 0.04},
         "views": {"demonstrations": demos},
         "add_derivatives": {"demo": demo},
         "world_frame": {"width": 3},

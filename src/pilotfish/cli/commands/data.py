@@ -1,5 +1,6 @@
 """pilotfish data: list, describe, import, check and export demonstrations; write a template."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -19,10 +20,11 @@ from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
     print_result,
+    require_finite_option,
     require_writable_folder,
 )
 from pilotfish.cli.output.tables import Table, key_value_table
-from pilotfish.demonstrations import Demonstration, diagnose
+from pilotfish.demonstrations import Demonstration, diagnose, resample_to_period
 from pilotfish.io import datasets, is_folder, write_demonstrations
 from pilotfish.io.writers import WRITERS, export_demonstrations
 
@@ -93,6 +95,7 @@ def check_folder(folder: str) -> CommandResult:
     epilog=example_epilog(
         "pilotfish data export valve my-valve",
         "pilotfish data export my-valve valve-lerobot --format lerobot",
+        "pilotfish data export my-valve valve-csv --format csv --period 0.02",
     )
 )
 @click.argument("name")
@@ -103,15 +106,28 @@ def check_folder(folder: str) -> CommandResult:
     type=click.Choice(["pilotfish", *WRITERS]),
     default="pilotfish",
     show_default=True,
-    help="Format: a folder that `learn` reads, a LeRobot data set, a robomimic file, or ROS 2 bags (MCAP).",
+    help="Format: a folder that `learn` reads, a LeRobot data set, a robomimic file, ROS 2 bags (MCAP), or a "
+    "folder of CSV tables.",
+)
+@click.option(
+    "--period",
+    type=click.FloatRange(min=0.0, min_open=True),
+    callback=require_finite_option,
+    help="Time between two rows to resample to, such as that of a controller [s].  [default: as recorded]",
 )
 @click.option("--force", is_flag=True, help="Replace an existing output of the same format.")
 @print_result
-def export(name: str, folder: Path, form: str, force: bool) -> CommandResult:
-    """Write data set NAME, or a folder of demonstrations, to FOLDER in a format of your choice."""
+def export(name: str, folder: Path, form: str, period: float | None, force: bool) -> CommandResult:
+    """Write data set NAME, or a folder of demonstrations, to FOLDER in a format of your choice.
+
+    With --period, orientations are interpolated by slerp, columns that switch take the nearest value, and
+    velocities are computed again.
+    """
     if form == "pilotfish":
         require_writable_folder(folder, force=force)
-    demonstrations = _load_folder_or_dataset(name)
+    loaded = _load_folder_or_dataset(name)
+    demonstrations = loaded if period is None else tuple(resample_to_period(demo, period) for demo in loaded)
+    notes = _export_notes(loaded, demonstrations, form)
     if form == "pilotfish":
         write_demonstrations(demonstrations, folder, overwrite=force, use_free_name=True)
     else:
@@ -120,8 +136,22 @@ def export(name: str, folder: Path, form: str, force: bool) -> CommandResult:
         "folder": str(folder),
         "format": form,
         "demonstrations": [demonstration_to_json(demo) for demo in demonstrations],
+        "notes": notes,
     }
-    return CommandResult([*demonstration_blocks(demonstrations), f"written to {folder}"], result)
+    text = "\n".join([*(f"note: {note}" for note in notes), f"written to {folder}"])
+    return CommandResult([*demonstration_blocks(demonstrations), text], result)
+
+
+def _export_notes(loaded: Sequence[Demonstration], written: Sequence[Demonstration], form: str) -> list[str]:
+    notes = []
+    first, last = loaded[0], written[0]
+    if last.period != first.period:
+        notes.append(f"resampled from {first.period:g} s to {last.period:g} s between two rows")
+        if last.layout != first.layout:
+            notes.append("derivatives are left out: they are not those of all parts")
+    if form == "csv":
+        notes.append("import.toml has the settings of `pilotfish data import FOLDER --settings`, if needed")
+    return notes
 
 
 def _load_folder_or_dataset(name: str) -> tuple[Demonstration, ...]:

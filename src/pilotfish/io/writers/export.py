@@ -12,18 +12,23 @@ from pilotfish.errors import InvalidInput
 from pilotfish.validation import nearest_name, short_repr
 
 # Module of each format, imported when it is used.
-WRITERS = {"lerobot": "lerobot_dataset", "robomimic": "robomimic_file", "mcap": "ros_mcap"}
+WRITERS = {
+    "lerobot": "lerobot_dataset",
+    "robomimic": "robomimic_file",
+    "mcap": "ros_mcap",
+    "csv": "csv_tables",
+}
 
 
 def export_demonstrations(
     demonstrations: Iterable[Demonstration], path: str | Path, name: str, *, overwrite: bool = False
 ) -> None:
-    """Write demonstrations in a format of other programs; an import restores them number for number.
+    """Write demonstrations in a format of other programs; an import restores all but "csv" exactly.
 
     Args:
         demonstrations: At least one; all share layout and period. A generator is read one at a time.
-        path: Folder of a LeRobot data set or of MCAP bags, or file of robomimic.
-        name: Format: "lerobot" (version 3), "robomimic" or "mcap" (ROS 2 bags).
+        path: Folder of a LeRobot data set, of MCAP bags or of CSV tables, or file of robomimic.
+        name: Format: "lerobot" (version 3), "robomimic", "mcap" (ROS 2 bags) or "csv".
         overwrite: Whether an existing output of the same format may be replaced.
 
     Raises:
