@@ -238,3 +238,39 @@ def test_learn_never_replaces_demonstrations(run_command_line: RunCommand, folde
     for path in before:
         assert run_command_line("learn", folder, "--out", path, "--force").exit_code == 2
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def read_motion(path: Path) -> np.ndarray:
+    with path.open(encoding="utf-8", newline="") as file:
+        return np.array(list(csv.reader(file))[1:], dtype=float)
+
+
+def test_motion_period_interpolates_the_motion_that_is_written(
+    run_json: RunJson, skill: Path, frames: Path, tmp_path: Path
+):
+    run_json("reproduce", skill, "--frames", frames, "--out", "own.csv")
+    found = run_json("reproduce", skill, "--frames", frames, "--out", "fast.csv", "--motion-period", "0.004")
+    own, fast = read_motion(tmp_path / "own.csv"), read_motion(tmp_path / "fast.csv")
+    assert found["motion"] == {"rows": len(fast), "period": 0.004}
+    np.testing.assert_allclose(fast[:, 0], 0.004 * np.arange(len(fast)), atol=1e-9)
+    assert own[-1, 0] - 0.004 < fast[-1, 0] <= own[-1, 0] + 1e-9
+    for column in range(1, 4):
+        np.testing.assert_allclose(
+            fast[:, column], np.interp(fast[:, 0], own[:, 0], own[:, column]), atol=1e-9
+        )
+    layout = open_skill(skill).layout
+    for columns in layout.unit_quaternions:
+        q = fast[:, 1 + columns.start : 1 + columns.stop]
+        np.testing.assert_allclose(np.linalg.norm(q, axis=1), 1.0, atol=1e-9)
+    rates = np.diff(fast[:, 1:4], axis=0) / 0.004
+    start = 1 + layout.columns("position", 1).start
+    np.testing.assert_allclose(fast[:-1, start : start + 3], rates, atol=1e-6)
+
+
+def test_motion_period_without_file_or_beyond_the_motion_is_refused(
+    run_command_line: RunCommand, run_failing: RunFailing, skill: Path, frames: Path, tmp_path: Path
+):
+    arguments = ("reproduce", skill, "--frames", frames, "--motion-period")
+    assert "give --out FILE" in run_command_line(*arguments, "0.01").stderr
+    assert "--motion-period: period is 99" in run_failing(*arguments, "99", "--out", "m.csv")
+    assert not (tmp_path / "m.csv").exists()

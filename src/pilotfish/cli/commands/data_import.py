@@ -144,9 +144,8 @@ def _require_outputs(source: Path, out: Path | None, saved: Path | None, options
 
 def _restore(recordings: Sequence[Recording], options: dict[str, Any]) -> list[Demonstration]:
     """Return the demonstrations that pilotfish exported; none if it did not, or options change them."""
-    changes = ("settings", "save_settings", "order", "length_unit", "angle_unit", "period", "moving")
-    changes += ("base_frame",)
-    if any(options[name] for name in changes):
+    changes = {"settings", "save_settings", "order", "length_unit", "angle_unit", "period", "moving"}
+    if any(options[name] for name in changes | {"base_frame"}):
         return []
     restored = [restore_demonstration(recording) for recording in recordings]
     return [demo for demo in restored if demo is not None] if None not in restored else []

@@ -25,11 +25,22 @@ from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
     print_result,
+    require_finite_option,
     require_writable_file,
     write_all,
 )
 from pilotfish.cli.output.tables import key_value_table
-from pilotfish.demonstrations import Frame, Layout, Part, Quantity, world_frame
+from pilotfish.control import Motion
+from pilotfish.demonstrations import (
+    Frame,
+    Layout,
+    Part,
+    Quantity,
+    demonstration,
+    resample_to_period,
+    unwrap_orientations,
+    world_frame,
+)
 from pilotfish.errors import InvalidInput
 from pilotfish.io import (
     atomic_file,
@@ -85,6 +96,12 @@ MAX_LISTED_PARTS = 5  # positions that a note names
     "'position z=.3@4s+-.001', orientation=1,0,0,0@4s+-2deg. May be given several times.",
 )
 @click.option("--out", type=FILE, help="Motion to write, as a CSV file.")
+@click.option(
+    "--motion-period",
+    type=click.FloatRange(min=0.0, min_open=True),
+    callback=require_finite_option,
+    help="Time between two rows of --out, such as that of a controller [s].  [default: that of the skill]",
+)
 @click.option("--gains", type=FILE, help="Controller to write, as an NPZ file.")
 @click.option(
     "--plot",
@@ -111,17 +128,43 @@ def reproduce_command(
     require_writable_file(*outputs.values(), force=force, inputs=(skill, frames, start))
     if options["via_plot"] and not options["via_point"]:
         raise click.UsageError(f"--via-plot plots via-points; give at least one: --via-point {SYNTAX}")
+    if options["motion_period"] and not options["out"]:
+        raise click.UsageError("--motion-period resamples the motion that is written; give --out FILE")
     if options["plot"] or options["via_plot"]:
         require_matplotlib()
     learned = open_skill(skill)
     points = to_via_points(options["via_point"], learned.layout)
     current_frames = _read_frames(learned, frames)
     reproduction, baseline = _reproduce(learned, current_frames, start, points, options)
+    written = _resample_motion(reproduction, options["motion_period"])
     figures = _plot(reproduction, baseline, current_frames, points, options)  # a failure leaves no file
-    _write(reproduction, figures, options, force)
+    _write(reproduction, written, figures, options, force)
     files = {name: str(path) for name, path in outputs.items()}
     compared = motion_notes(learned, reproduction, current_frames, name_argument=option_name)
-    return _to_result(skill, reproduction, points, options, files, compared)
+    result = _to_result(skill, reproduction, points, options, files, compared)
+    if options["motion_period"] is None:
+        return result
+    rows = {"rows": len(written.x), "period": written.period}
+    text = f"{outputs['out']} has {len(written.x)} rows, every {written.period:g} s"
+    return CommandResult([*result.blocks, text], result.data | {"motion": rows})
+
+
+def _resample_motion(reproduction: Reproduction, period: float | None) -> Motion:
+    """Return the motion at a period [s]; orientations by slerp, derivatives as differences."""
+    motion, layout = reproduction.motion, reproduction.adapted.layout
+    if period is None:
+        return motion
+    x = unwrap_orientations(normalise_quaternions(motion.x, layout), layout)
+    try:
+        resampled = resample_to_period(demonstration(x, motion.period, layout, (), "motion"), period)
+    except InvalidInput as error:
+        raise InvalidInput(f"--motion-period: {error}") from error
+    if resampled.layout != layout:
+        raise InvalidInput(
+            "--motion-period needs a skill with velocities of all parts; learn it with --velocities"
+        )
+    inputs = (period / motion.period * np.arange(len(resampled.x) - 1) + 1e-9).astype(int)
+    return Motion(resampled.x, motion.u[np.minimum(inputs, len(motion.u) - 1)], period)
 
 
 def _reproduce(
@@ -189,21 +232,25 @@ def _plot(
 
 
 def _write(
-    reproduction: Reproduction, figures: "dict[Path, Figure]", options: dict[str, Any], force: bool
+    reproduction: Reproduction,
+    motion: Motion,
+    figures: "dict[Path, Figure]",
+    options: dict[str, Any],
+    force: bool,
 ) -> None:
     writes: list[Callable[[], None]] = [
         partial(save_figure, figure, path, overwrite=force) for path, figure in figures.items()
     ]
     if options["out"]:
-        writes.append(partial(_write_motion, reproduction, options["out"], force))
+        writes.append(partial(_write_motion, motion, reproduction.adapted.layout, options["out"], force))
     if options["gains"]:
         writes.append(partial(_write_gains, reproduction, options["gains"], force))
     write_all(*writes)
 
 
-def _write_motion(reproduction: Reproduction, path: Path, force: bool) -> None:
+def _write_motion(motion: Motion, layout: Layout, path: Path, force: bool) -> None:
     with atomic_file(path, overwrite=force) as part:
-        write_motion(part, reproduction.motion, reproduction.adapted.layout)
+        write_motion(part, motion, layout)
 
 
 def _write_gains(reproduction: Reproduction, path: Path, force: bool) -> None:
