@@ -96,3 +96,11 @@ def test_folder_without_manifest_names_import_and_init(run_failing: Callable[...
     message = run_failing(*command)
     assert "pilotfish data import . --out NEW converts recordings" in message
     assert "pilotfish data init NEW writes a template" in message
+
+
+def test_file_in_place_of_a_folder_names_import(run_failing: Callable[..., str], tmp_path: Path):
+    (tmp_path / "a.csv").write_text("time [s],x [m]\n0,0\n1,1\n")
+    message = run_failing("data", "check", "a.csv")
+    assert "a.csv is not a folder" in message
+    assert "pilotfish data import a.csv --out NEW converts recordings" in message
+    assert "check the name" in run_failing("data", "check", "missing")

@@ -145,7 +145,8 @@ def require_replaceable(path: str | Path, *, overwrite: bool) -> None:
 
 def _read_manifest(folder: Path) -> Manifest:
     if not is_folder(folder):
-        raise InvalidInput(f"{folder} is not a folder, expected one with {MANIFEST_NAMES[0]} in it")
+        fix = f": {MANIFEST_FIX}" if path_exists(folder) else "; check the name"
+        raise InvalidInput(f"{folder} is not a folder, expected one with {MANIFEST_NAMES[0]} in it{fix}")
     present = [name for name in MANIFEST_NAMES if is_file(folder / name)]
     if len(present) != 1:
         found, fix = ("both", "remove one") if present else ("neither", MANIFEST_FIX)
