@@ -16,7 +16,7 @@ from pilotfish.demonstrations.signs import unwrap_orientations
 from pilotfish.demonstrations.switches import switching_columns
 from pilotfish.demonstrations.views import incompatibility
 from pilotfish.types import Array, Float
-from pilotfish.validation import short_list
+from pilotfish.validation import short_list, shorten_repr
 
 MAX_DURATION_RATIO = 2.0  # of the longest to the shortest demonstration
 Severity = Literal["note", "warning", "error"]
@@ -37,6 +37,7 @@ FIXES = {
 }
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
     """An anomaly of a set of demonstrations.

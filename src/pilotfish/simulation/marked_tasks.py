@@ -18,6 +18,7 @@ CELL_PIXELS = 16  # of the picture of a marker
 Triple = tuple[float, float, float]
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class MarkedFrame:
     """Markers of one frame of a task.
@@ -45,6 +46,7 @@ class MarkedFrame:
         return [Pose(np.array(centre), quaternion) for centre in self.centres]
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class MarkedTask:
     """Markers of a task, and the place of its camera.
