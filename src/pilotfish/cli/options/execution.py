@@ -108,7 +108,7 @@ def load_robot(robot: str, end_effector: str | None, *, meshes: bool = False) ->
         meshes: Whether a film shows the visual meshes, which are Baxter's.
 
     Raises:
-        click.UsageError: If meshes are shown of another robot.
+        click.UsageError: If meshes are drawn for another robot.
         InvalidInput: If the robot is unknown, or its file cannot be used.
     """
     if meshes and robot != "baxter":

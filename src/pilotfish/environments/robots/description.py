@@ -2,7 +2,7 @@
 
 The chain runs from the world of the description to the end effector. Links without joints of their own belong
 to the link that carries them. What lies beyond the end effector is left out, and so are other branches if the
-end effector is named. The arm is then built anew from numbers, so that nothing else of the file is simulated.
+end effector is named. The arm is then rebuilt from numbers, so that nothing else of the file is simulated.
 """
 
 import warnings

@@ -14,7 +14,7 @@ WORKSPACE = Pose(np.array([0.68, -0.32, 0.25]), np.array([0.0, 0.0, 1.0, 0.0]))
 EXTENSION = 0.62  # of the arm's length, from its second joint to the middle of the objects
 BASE_HEIGHT = -0.2  # m
 STARTS, MAX_ITERATIONS = 16, 80  # of the search for a posture
-MARGIN = 0.3  # rad from a joint limit, beyond which more room counts no more
+MARGIN = 0.3  # rad from a joint limit, beyond which a larger distance counts no more
 HEIGHT_WEIGHT = 0.5  # 1/m: preference for high joints, so that the elbow is up and off the objects
 
 
