@@ -59,7 +59,7 @@ def test_docs_command_lines_run(
         (tmp_path / name).write_text(text)
     blocks = re.findall(r"```sh\n(.*?)```", DOCS, re.DOTALL)
     lines = [line for block in blocks for line in block.splitlines()]
-    assert len(lines) == 37
+    assert len(lines) == 39
     for line in lines:
         program, *arguments = shlex.split(line)
         assert program == "pilotfish"
