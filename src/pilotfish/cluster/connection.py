@@ -3,6 +3,7 @@
 import logging
 import os
 import re
+import signal
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from importlib.metadata import PackageNotFoundError, version
@@ -42,13 +43,14 @@ def connect(address: str) -> Iterator[Any]:
     with ExitStack() as stack:
         stack.enter_context(_quiet_logs())
         if workers:
-            cluster = distributed.LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                processes=True,
-                dashboard_address="127.0.0.1:0",  # any free port
-                silence_logs=logging.CRITICAL,
-            )
+            with _block_interrupts():
+                cluster = distributed.LocalCluster(
+                    n_workers=workers,
+                    threads_per_worker=1,
+                    processes=True,
+                    dashboard_address="127.0.0.1:0",  # any free port
+                    silence_logs=logging.CRITICAL,
+                )
             stack.callback(cluster.close)
             client = distributed.Client(cluster)
         else:
@@ -56,6 +58,22 @@ def connect(address: str) -> Iterator[Any]:
         stack.callback(client.close)
         _require_same_version(client, address)
         yield client
+
+
+@contextmanager
+def _block_interrupts() -> Iterator[None]:
+    """Start threads and processes that Ctrl-C does not reach: they inherit the mask of this thread.
+
+    This process answers Ctrl-C and ends them. One that arrives in the meantime is delivered at the end.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # not on every system
+        yield
+        return
+    previous = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, previous)
 
 
 def _parse_address(address: str) -> int:
