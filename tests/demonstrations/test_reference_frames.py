@@ -81,17 +81,61 @@ def test_rows_between_those_of_a_transform_are_interpolated_and_far_ones_left_ou
     """The transform moves at constant speed, so that the middle is exact; it ends at 1 s."""
     turn = np.array([0.0, 0.0, 0.0, 1.0])
     camera = np.array([[0.0, 0.0, 0.0, *turn], [1.0, 0.0, 0.0, *turn]])
-    times = np.array([0.0, 0.5, 1.4, 1.6])
-    cube = np.tile([0.0, 2.0, 0.0, *turn], (4, 1))
+    times = np.array([0.0, 0.25, 0.5, 0.9, 1.2])
+    cube = np.tile([0.0, 2.0, 0.0, *turn], (5, 1))
     signals = (
         pose_signal("/tool", cube, "base", times),
         pose_signal("/cube", cube, "camera", times),
-        transform_signal("camera", camera, "base", np.array([0.0, 1.0])),
+        transform_signal("camera", camera, "base", np.array([0.0, 0.5])),
     )
     found, notes = to_common_reference_frames(signals, CHILDREN)
     np.testing.assert_allclose(found[1].values[:, 0], [0.0, 0.5, 1.0], atol=1e-12)
     np.testing.assert_array_equal(found[1].times, times[:3])
-    assert "1 rows without a transform within 0.5 s are left out" in notes[0]
+    assert "2 of 5 rows at times without a transform are left out" in notes[0]
+
+
+@pytest.mark.parametrize("start", [1.5, 4.0])
+def test_late_transform_moves_no_pose(start, rng):
+    """The cube stands still, and the camera moves from the start; poses before its transform are left out."""
+    times = 0.1 * np.arange(60)
+    camera = np.stack([0.05 * times, *np.zeros((5, 60)), np.ones(60)], axis=1)
+    cube = np.array([0.5, 0.2, 0.05, 0.0, 0.0, 0.0, 1.0])
+    seen = cube - np.hstack([camera[:, :3], np.zeros((60, 4))])
+    late = times >= start
+    signals = (
+        pose_signal("/tool", random_rows(rng, 60), "base", times),
+        pose_signal("/cube", seen, "camera", times),
+        transform_signal("camera", camera[late], "base", times[late]),
+    )
+    found, _ = to_common_reference_frames(signals, CHILDREN)
+    assert found[1].times is not None
+    assert found[1].times[0] >= start - 1e-6
+    np.testing.assert_allclose(found[1].values, np.tile(cube, (len(found[1].values), 1)), atol=1e-12)
+
+
+def test_gap_of_a_transform_is_not_interpolated(rng):
+    times = 0.1 * np.arange(40)
+    camera = np.stack([times, *np.zeros((5, 40)), np.ones(40)], axis=1)
+    known = (times < 1.0) | (times > 2.0)
+    cube = np.tile([0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0], (40, 1))
+    signals = (
+        pose_signal("/tool", cube, "base", times),
+        pose_signal("/cube", cube, "camera", times),
+        transform_signal("camera", camera[known], "base", times[known]),
+    )
+    found, _ = to_common_reference_frames(signals, CHILDREN)
+    np.testing.assert_allclose(found[1].values[:, 0], found[1].times, atol=1e-12)
+    assert len(found[1].values) == pytest.approx(known.sum(), abs=1)
+
+
+def test_cycle_is_named(rng):
+    signals = (
+        pose_signal("/tool", random_rows(rng, 3), "base"),
+        transform_signal("camera", random_rows(rng, 3), "optical"),
+        transform_signal("optical", random_rows(rng, 3), "camera"),
+    )
+    _, notes = to_common_reference_frames(signals, CHILDREN)
+    assert "the transforms of camera, optical form a cycle" in notes[0]
 
 
 def test_points_without_orientation_are_converted(rng):

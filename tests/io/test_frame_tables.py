@@ -63,6 +63,8 @@ def test_planar_frame_moves_and_turns_positions_and_turns_forces():
         ),
         ({"position": [0, 0], "quaternion": [1, 0, 0, 0]}, r"shape \(2,\) beside quaternion"),
         ({"position": POSITION, "rpy": [0, 0]}, r"rpy has shape \(2,\)"),
+        ({"position": POSITION, "rpy": [0, 0, 17.2]}, "rpy has 17.2, expected radians"),
+        ({"position": [0, 0], "angle": -90}, "angle has 90, expected radians"),
         ({"position": POSITION, "matrix": [[2, 0, 0], [0, 2, 0], [0, 0, 2]]}, "matrix"),
         ({"position": [0, 0], "angle": 0.1}, "expected positions and vectors of two axes"),
         ({"position": POSITION, "angle": 0.1}, r"expected \(2,\)"),

@@ -65,9 +65,11 @@ def row_anomalies(demo: Demonstration, switches: Collection[str]) -> Iterator[An
         ]
         if smooth:
             x = demo.x[:, smooth]
-            yield from _held_rows(demo, part, x)
+            held = list(_held_rows(demo, part, x))
+            yield from held
             yield from _unit_anomalies(demo, part, x)
-            yield from _jumps(part, x)
+            if not held and part.quantity is not Quantity.VECTOR:  # forces jump at contacts
+                yield from _jumps(part, x)
 
 
 def is_time(part: Part) -> bool:

@@ -18,7 +18,8 @@ from pilotfish.geometry import multiply, rotation_matrix, unwrap_quaternions
 from pilotfish.types import Array, Bool, Float, Int
 from pilotfish.validation import require_type, short_list
 
-MAX_AGE = 0.5  # s, between a pose and the nearest row of a transform that changes
+ROUNDING = 1e-6  # s, of stamps
+MAX_GAP = 0.5  # s, between two rows of a transform that changes, around a pose
 MIN_NORM, MAX_NORM = 1e-6, 1e6  # of a quaternion's largest component
 MAX_POSITION = 1e9  # m
 MAX_CHAIN = 1000  # transforms in series
@@ -43,7 +44,8 @@ def to_common_reference_frames(
     """Express the poses of each tree of transforms in one reference frame.
 
     Transforms of frames that other poses are relative to, such as the links of an arm, are used and left out.
-    A pose more than 0.5 s from the rows of a transform that changes is left out.
+    Poses before or after a transform that changes, or in a gap of more than 0.5 s, are left out: where the
+    frame was then is not known.
 
     Args:
         signals: Signals of one recording, with times, whose quaternions are x y z w.
@@ -64,6 +66,7 @@ def to_common_reference_frames(
     inner = [s for s in signals if s.name in children and children[s.name] in transforms.keys() & parents]
     poses = [s for s in signals if s.reference_frame and s not in inner]
     bases = _base_frames(poses, children, transforms)
+    notes += _describe_cycles(transforms)
     converted: dict[str, Signal] = {}
     for signal in poses:
         if (base := bases[signal.name]) != signal.reference_frame:
@@ -100,8 +103,8 @@ def describe_different_frames(tool: Signal, others: Sequence[Signal]) -> str:
     )
     stated = repr(own) if own else "a frame that the file does not state"
     return (
-        f"{frames}, but {tool.name} to {stated}, and the recording has no transforms between them. Are these "
-        "the same place? If not, record the transforms (/tf and /tf_static) too, or convert the poses."
+        f"{frames}, but {tool.name} to {stated}, and the transforms of the recording do not connect them. "
+        "Are these the same place? If not, record the transforms too (/tf and /tf_static), or convert poses."
     )
 
 
@@ -162,6 +165,23 @@ def _ancestors(frame: str, transforms: Mapping[str, _Transform]) -> list[str]:
     return chain
 
 
+def _describe_cycles(transforms: Mapping[str, _Transform]) -> list[str]:
+    """Return a sentence for each cycle of transforms, which has no root."""
+    cycles: list[frozenset[str]] = []
+    for child in transforms:
+        chain = _ancestors(child, transforms)
+        last = transforms.get(chain[-1])
+        members = (
+            frozenset(chain[chain.index(last.parent) :]) if last and last.parent in chain else frozenset()
+        )
+        if members and members not in cycles:
+            cycles.append(members)
+    return [
+        f"the transforms of {short_list(sorted(cycle))} form a cycle, and are not composed across it"
+        for cycle in cycles
+    ]
+
+
 def _express(signal: Signal, base: str, transforms: Mapping[str, _Transform]) -> tuple[Signal, str]:
     """Return a signal in a frame that is an ancestor of its own, and what was done."""
     times = np.zeros(len(signal.values)) if signal.times is None else signal.times
@@ -172,7 +192,7 @@ def _express(signal: Signal, base: str, transforms: Mapping[str, _Transform]) ->
     kept = np.ones(len(times), dtype=bool)
     while frame != base:
         transform = transforms[frame]
-        kept &= _is_near(transform.times, times)
+        kept &= _is_known(transform.times, times)
         p, q = _interpolate(transform, times)
         with np.errstate(over="ignore", invalid="ignore"):  # a pose that is not finite stays so
             position = p + np.einsum("tij,tj->ti", rotation_matrix(q), position)
@@ -184,7 +204,7 @@ def _express(signal: Signal, base: str, transforms: Mapping[str, _Transform]) ->
     own = None if signal.times is None else times[kept]
     note = f"{signal.name}: poses in frame {signal.reference_frame!r} converted to frame {base!r}"
     if lost := int((~kept).sum()):
-        note += f"; {lost} rows without a transform within {MAX_AGE:g} s are left out"
+        note += f"; {lost} of {len(kept)} rows at times without a transform are left out"
     return replace(signal, values=values[kept], times=own, reference_frame=base), note
 
 
@@ -197,12 +217,13 @@ def _interpolate(
     return between.interpolate(transform.positions[strictly]), between.interpolate_rotations(turns)
 
 
-def _is_near(rows: Float[Array, " T"], times: Float[Array, " S"]) -> Bool[Array, " S"]:
-    """Return whether each time is near a row of a transform; one row holds at all times."""
+def _is_known(rows: Float[Array, " T"], times: Float[Array, " S"]) -> Bool[Array, " S"]:
+    """Return whether a transform is known at each time; one row holds at all times."""
     if len(rows) == 1:
         return np.ones(len(times), dtype=bool)
+    inside = (times >= rows[0] - ROUNDING) & (times <= rows[-1] + ROUNDING)
     after = np.clip(np.searchsorted(rows, times), 1, len(rows) - 1)
-    return np.asarray(np.minimum(abs(rows[after] - times), abs(rows[after - 1] - times)) <= MAX_AGE)
+    return np.asarray(inside & (rows[after] - rows[after - 1] <= MAX_GAP))
 
 
 def _pose_columns(signal: Signal) -> tuple[Int[Array, " 3"], list[int]]:

@@ -14,6 +14,7 @@ from pilotfish.validation import finite_array, nearest_name, require_name, requi
 POSITION, MATRIX_KEYS = "position", ("A", "b")
 TURN_KEYS = ("quaternion", "rpy", "matrix", "angle")
 KNOWN_KEYS = ("name", POSITION, *TURN_KEYS, *MATRIX_KEYS)
+MAX_ANGLE = 6.2832  # rad, a turn
 FORMS = (
     "name with position and quaternion (w x y z), rpy [rad] or matrix; in the plane, with position and "
     "angle [rad]; or name, A and b"
@@ -49,7 +50,9 @@ def parse_frame(table: Mapping[str, Any], layout: Layout) -> Frame:
     _require_keys(table, ("name", POSITION, *(turns or ["quaternion"])))
     position = finite_array(table[POSITION], POSITION)
     if turns == ["angle"]:
-        return planar_frame(name, layout, position, require_number(table["angle"], "angle"))
+        angle = require_number(table["angle"], "angle")
+        _require_radians(np.array([angle]), "angle")
+        return planar_frame(name, layout, position, angle)
     if position.shape == (2,):
         raise InvalidInput(f"position has shape (2,) beside {turns[0]}, expected (3,), or an angle [rad]")
     return frame_from_pose(name, layout, pose(position, _quaternion(turns[0], table[turns[0]])))
@@ -62,9 +65,16 @@ def _require_keys(table: Mapping[str, Any], needed: tuple[str, ...]) -> None:
         raise InvalidInput(f"key {extra[0]!r} does not belong to {', '.join(needed)}; remove it")
 
 
+def _require_radians(angles: Float[Array, " n"], key: str) -> None:
+    if (largest := float(np.abs(angles).max())) > MAX_ANGLE:
+        raise InvalidInput(f"{key} has {largest:g}, expected radians of at most 2 pi; convert degrees")
+
+
 def _quaternion(key: str, value: object) -> Float[Array, " 4"]:
     if key == "quaternion":
         return np.asarray(finite_array(value, key))
     is_angles = key == "rpy"
     numbers = finite_array(value, key, (3,) if is_angles else (3, 3))
+    if is_angles:
+        _require_radians(numbers, key)
     return np.asarray(to_quaternions(numbers.reshape(1, -1), "rpy" if is_angles else "matrix", key)[0])

@@ -22,7 +22,7 @@ from pilotfish.errors import InvalidInput
 from pilotfish.io import is_folder, load_any, path_exists, read_frames
 from pilotfish.models import Skill, online
 
-FILE = click.Path(path_type=Path)
+FILE, SKILL_SUFFIX = click.Path(path_type=Path), ".skill"
 DEFAULT_PORT, MAX_PORT = 8080, 65535
 
 
@@ -85,7 +85,9 @@ def view(source: str, skill: Path | None, frames: Path | None, only: str, **opti
 
 def _load(source: str, skill: Path | None, only: str) -> tuple[tuple[Demonstration, ...], Skill | None]:
     """Return the demonstrations of a folder and the skill beside them, or a skill alone."""
-    is_set = source.startswith(DATASET_PREFIX) or is_folder(Path(source)) or not path_exists(Path(source))
+    path = Path(source)
+    is_missing = not path_exists(path) and path.suffix != SKILL_SUFFIX  # a missing skill is reported as one
+    is_set = source.startswith(DATASET_PREFIX) or is_folder(path) or is_missing
     if is_set:
         demonstrations = select_demonstrations(load_demonstrations(source), only)
         learned = _load_skill(skill) if skill else None
@@ -97,7 +99,7 @@ def _load(source: str, skill: Path | None, only: str) -> tuple[tuple[Demonstrati
         raise click.UsageError(
             f"{option} has no effect on the file {source}; give a folder of demonstrations"
         )
-    return (), _load_skill(Path(source))
+    return (), _load_skill(path)
 
 
 def _load_skill(path: Path) -> Skill:

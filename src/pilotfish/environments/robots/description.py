@@ -172,8 +172,10 @@ def _joint_bodies(described: _Description, last: int) -> list[int]:
             raise InvalidInput(f"{label} shares its body with another; give each joint a body of its own")
         if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
             kind = mujoco.mjtJoint(model.jnt_type[joint]).name.removeprefix("mjJNT_").lower()
+            kind = "slide (prismatic)" if kind == "slide" else kind
             raise InvalidInput(
-                f"{label} is of type {kind}, expected hinges only; name an end effector before it"
+                f"{label} is of type {kind}, expected hinges only; name an end effector before it, or make "
+                "the joint fixed"
             )
         if model.joint(joint).name in mimicking:
             raise InvalidInput(f"{label} mimics another joint, expected independent joints; remove <mimic>")
