@@ -11,7 +11,9 @@ from click.testing import Result
 
 import pilotfish as pf
 from pilotfish.cli.commands import data_import
-from pilotfish.geometry import normalise
+from pilotfish.demonstrations import Layout, Part, Quantity, demonstration, frame_from_pose
+from pilotfish.geometry import Pose, normalise
+from pilotfish.io import read_demonstrations, write_demonstrations
 
 RunCommand = Callable[..., Result]
 RunJson = Callable[..., dict[str, Any]]
@@ -200,3 +202,33 @@ def test_base_frame_of_recordings_without_objects_is_the_only_frame(run_json: Ru
     (tmp_path / "a.csv").write_text("time [s],x [m],y [m],z [m]\n0,0,0,0\n0.1,0,0,1\n0.2,0,1,2\n")
     run_json("data", "import", "a.csv", "--out", "a", "--base-frame", "base")
     assert [frame.name for frame in pf.load("a")[0].frames] == ["base"]
+
+
+def test_own_folder_keeps_its_names_and_quantities(run_json, tmp_path: Path):
+    """Names of parts and frames that would mean something else in a log, and a joint, stay what they are."""
+    layout = Layout(
+        (
+            Part("left hand", Quantity.POSITION, 3, "m"),
+            Part("grasp", Quantity.ORIENTATION, 4, "1"),
+            Part("joint", Quantity.SCALAR, 1, "rad"),
+            Part("push", Quantity.VECTOR, 3, "N"),
+        )
+    )
+    rng = np.random.default_rng(0)
+    given = []
+    for name in ("a", "b"):
+        x = np.hstack([rng.normal(size=(20, 3)), np.tile([0.6, 0.0, 0.8, 0.0], (20, 1)), rng.random((20, 4))])
+        frames = [
+            frame_from_pose(frame, layout, Pose(rng.normal(size=3), np.array([0.8, 0.0, 0.0, 0.6])))
+            for frame in ("tool holder", "cube")
+        ]
+        given.append(demonstration(x, 0.05, layout, frames, name))
+    write_demonstrations(given, tmp_path / "set")
+    run_json("data", "import", "set", "--out", "again")
+    for demo, found in zip(given, read_demonstrations(tmp_path / "again"), strict=True):
+        assert (found.layout, found.name, found.period) == (demo.layout, demo.name, demo.period)
+        np.testing.assert_allclose(found.x, demo.x, atol=1e-12)
+        for mine, other in zip(demo.frames, found.frames, strict=True):
+            assert mine.name == other.name
+            np.testing.assert_allclose(other.A, mine.A, atol=1e-9)
+            np.testing.assert_allclose(other.b, mine.b, atol=1e-9)

@@ -11,7 +11,11 @@ from pilotfish.io.demonstration_folder import (
 )
 from pilotfish.io.demonstration_sets import MAX_GROUP, GroupFiles, is_lerobot, list_groups, read_group
 from pilotfish.io.folder_template import write_folder_template
-from pilotfish.io.import_settings import format_import_settings, read_import_settings
+from pilotfish.io.import_settings import (
+    format_import_settings,
+    read_import_settings,
+    stated_import_settings,
+)
 from pilotfish.io.motions import normalise_quaternions, write_motion
 from pilotfish.io.paths import is_folder, path_exists, read_file, resolve_path
 from pilotfish.io.renames import make_folder
@@ -55,6 +59,7 @@ __all__ = [
     "restore_demonstration",
     "save_skill",
     "save_stream",
+    "stated_import_settings",
     "synthetic_valve",
     "write_demonstrations",
     "write_folder_template",

@@ -6,19 +6,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pilotfish.demonstrations import BuildSettings, FrameSource, PartSource, Quantity
+from pilotfish.demonstrations import BuildSettings, FrameSource, PartSource, Quantity, Recording
 from pilotfish.errors import InvalidInput
 from pilotfish.io.paths import read_file
-from pilotfish.validation import nearest_name, short_repr
+from pilotfish.validation import nearest_name, require_type, short_repr
 
 MAX_SETTINGS_BYTES = 2**20
+SETTINGS_ATTRIBUTE = "pilotfish import settings"  # of a recording
 PART_KEYS = ("name", "quantity", "columns", "unit", "representation")
 FRAME_KEYS = ("name", "position", "orientation", "representation", "unit", "angle_unit", "moving")
 LIMIT_KEYS = ("unwrap", "thin", "max_gap", "still_distance", "still_angle")
 HEAD = """# How recordings become demonstrations. Edit it, then: pilotfish data import SOURCE --settings THIS
 # A column is named as in the file, or SIGNAL:COLUMN where two signals have such a column; * and ? match any.
 # Units: m cm mm in, rad deg, s ms us ns, N; "" for the unit that the file states, or SI.
-# Representations of an orientation: wxyz, xyzw (quaternions), rpy, matrix (by rows), rotation vector.
+# Representations of an orientation: wxyz, xyzw (quaternions), rpy, yaw, matrix (by rows), rotation vector.
 # Quantities: position, quaternion, vector (a force), scalar (a joint, a gripper).
 """
 
@@ -60,12 +61,31 @@ def read_import_settings(path: Path) -> BuildSettings:
     Raises:
         InvalidInput: If the file cannot be used; the message names the key and the nearest fix.
     """
-    data = read_file(path, "a TOML file with the settings of an import", MAX_SETTINGS_BYTES)
+    return _parse_settings(
+        read_file(path, "a TOML file with the settings of an import", MAX_SETTINGS_BYTES), str(path)
+    )
+
+
+def stated_import_settings(recording: Recording) -> BuildSettings | None:
+    """Return the settings that a recording states itself, as one from a folder of demonstrations does.
+
+    Args:
+        recording: Recording.
+
+    Raises:
+        InvalidInput: If it states settings that cannot be used.
+    """
+    require_type(recording, "recording", Recording, "read one with io.readers.read_recordings")
+    text = recording.attributes.get(SETTINGS_ATTRIBUTE)
+    return None if text is None else _parse_settings(text.encode(), f"recording {recording.name!r}")
+
+
+def _parse_settings(data: bytes, path: str) -> BuildSettings:
     try:
         content = tomllib.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:  # TOML and UTF-8 errors are ValueErrors
         raise InvalidInput(f"{path}: not TOML that can be read: {error}") from error
-    _require_keys(content, ("period", "part", "frame", *LIMIT_KEYS), str(path))
+    _require_keys(content, ("period", "part", "frame", *LIMIT_KEYS), path)
     parts = [
         _parse_part(item, f"{path}: part {n}")
         for n, item in enumerate(_require_list(content.get("part", []), f"{path}: part"))

@@ -40,6 +40,7 @@ from pilotfish.io import (
     format_import_settings,
     read_import_settings,
     restore_demonstration,
+    stated_import_settings,
     write_demonstrations,
 )
 from pilotfish.io.readers import ReadOptions, read_recordings
@@ -119,6 +120,8 @@ def import_recordings(source: Path, **options: Any) -> CommandResult:
         settings = read_import_settings(options["settings"])
     else:
         settings, questions = suggest_settings(recordings)
+        if stated := stated_import_settings(recordings[0]):  # a folder of demonstrations
+            settings, questions = replace(stated, period=settings.period), ()
     settings = _with_options(recordings[0], settings, options)
     open_questions = [q for q in questions if not _is_answered(q, options)]
     if saved:

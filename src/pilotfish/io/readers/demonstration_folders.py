@@ -12,11 +12,21 @@ from pathlib import Path
 
 import numpy as np
 
-from pilotfish.demonstrations import Frame, Layout, Quantity, Recording, Signal
+from pilotfish.demonstrations import (
+    BuildSettings,
+    Frame,
+    FrameSource,
+    Layout,
+    PartSource,
+    Quantity,
+    Recording,
+    Signal,
+)
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import quaternion_from_rotation_matrix
 from pilotfish.io.demonstration_tables import MAX_NPZ_BYTES, decode_npz
-from pilotfish.io.manifest import MANIFEST_NAMES, MAX_MANIFEST_BYTES, parse_manifest
+from pilotfish.io.import_settings import SETTINGS_ATTRIBUTE, format_import_settings
+from pilotfish.io.manifest import MANIFEST_NAMES, MAX_MANIFEST_BYTES, Frames, parse_manifest
 from pilotfish.io.paths import is_file, is_folder, read_file
 from pilotfish.io.readers import delimited
 from pilotfish.io.readers.read_options import ReadOptions
@@ -59,6 +69,7 @@ def read(path: Path, options: ReadOptions | None = None) -> Iterator[Recording]:
     name = next(name for name in MANIFEST_NAMES if is_file(path / name))
     manifest = read_file(path / name, "a manifest", MAX_MANIFEST_BYTES)
     period, layout, entries = parse_manifest(manifest, name)
+    stated_settings = _settings(layout, next(iter(entries.values()))[2] if entries else {})
     for file, (label, _, frames) in entries.items():
         table = _read_table(path / file, layout, options)
         objects = []
@@ -71,7 +82,30 @@ def read(path: Path, options: ReadOptions | None = None) -> Iterator[Recording]:
             if not given.is_world:
                 objects.append(_pose_signal(given, layout, f"{file}: frame {frame_name!r}"))
         stated = period if table.times is None else None
-        yield Recording(label or Path(file).stem, (table, *objects), period=stated, format=FORMAT)
+        attributes = {SETTINGS_ATTRIBUTE: stated_settings}
+        signals = (table, *objects)
+        yield Recording(
+            label or Path(file).stem, signals, period=stated, format=FORMAT, attributes=attributes
+        )
+
+
+def _settings(layout: Layout, frames: Frames) -> str:
+    """Return the parts and frames of the manifest as settings of an import; derivatives are left out."""
+    parts = [
+        PartSource(part.name, part.quantity, layout.names[columns])
+        for part, columns in zip(layout.parts, layout.slices, strict=True)
+        if not part.derivative
+    ]
+    sources = [
+        FrameSource(
+            name,
+            tuple(f"{name}:{column}" for column in POSE[:3]),
+            tuple(f"{name}:{column}" for column in POSE[3:]),
+        )
+        for name, given in frames.items()
+        if isinstance(given, Frame) and not given.is_world
+    ]
+    return format_import_settings(BuildSettings(tuple(parts), tuple(sources)))
 
 
 def _read_table(file: Path, layout: Layout, options: ReadOptions | None) -> Signal:
