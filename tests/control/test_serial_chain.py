@@ -11,6 +11,7 @@ from pilotfish.control import (
     arm_limits,
     inverse_kinematics,
 )
+from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, angle, conjugate, multiply, to_rotation_vector
 
 STEP = 1e-6  # rad; the error of a central difference is its square
@@ -164,3 +165,23 @@ def test_inverse_kinematics_posture_selects_nearest_solution(rng):
     if (np.abs(nearest) < 2.5).all():
         null = np.linalg.svd(chain.jacobian(nearest))[2][6]  # the one direction that keeps the tool
         assert abs(null @ (posture - nearest)) < 1e-3
+
+
+@pytest.mark.usefixtures("unchecked")  # wrong shapes on purpose
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"target": Pose(np.array([np.nan, 0.0, 0.0]), np.eye(4)[0])}, "position of the target.* nan"),
+        ({"target": Pose(np.zeros(3), np.full(4, np.inf))}, "quaternion of the target.* inf"),
+        ({"target": Pose(np.zeros(2), np.eye(4)[0])}, r"position of the target has shape \(2,\)"),
+        ({"target": [0.0, 0.0, 0.0]}, "target has type list"),
+        ({"start": np.zeros(5)}, r"start has shape \(5,\)"),
+        ({"start": np.full(6, np.nan)}, "start"),
+        ({"posture": np.zeros(7)}, r"posture has shape \(7,\)"),
+        ({"limits": symmetric_limits(7)}, r"the lower limits has shape \(7,\)"),
+    ],
+)
+def test_inverse_kinematics_wrong_arguments_are_named(change, message):
+    given = {"target": Pose(np.zeros(3), np.eye(4)[0]), "start": np.zeros(6), "limits": symmetric_limits(6)}
+    with pytest.raises(InvalidInput, match=message):
+        inverse_kinematics(random_chain(np.random.default_rng(0), 6), **{**given, **change})

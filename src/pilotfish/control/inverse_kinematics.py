@@ -11,6 +11,7 @@ from pilotfish.control.serial_chain import SerialChain, jacobian_from_joints, jo
 from pilotfish.geometry import Pose, quaternion_from_rotation_matrix, relative_rotation_vector
 from pilotfish.kernels import ArmLimits
 from pilotfish.types import Array, Bool, Float
+from pilotfish.validation import finite_array, require_type
 
 POSITION_TOLERANCE, ANGLE_TOLERANCE = 1e-6, 1e-5  # m, rad: far below the accuracy of an arm
 MIN_DAMPING = 1e-10  # added to the damping by the error, which vanishes with it
@@ -46,11 +47,19 @@ def inverse_kinematics(
         Joint angles [rad], distance to the target [m], angle to the target [rad], and whether these are below
         1e-6 m and 1e-5 rad. If the pose is not reached, the joint angles are the nearest ones found.
 
+    Raises:
+        InvalidInput: If a number is not finite, or joints differ in number from those of the chain.
+
     Source:
         Sugihara 2011, IEEE Trans. Robotics 27(5), damping by the error; added here are the joints that are
         held at a limit, and the posture in the null space.
     """
-    q = np.clip(start, limits.lower, limits.upper)
+    _require_target(target)
+    joints = (len(chain.positions),)
+    finite_array(limits.lower, "the lower limits", joints)
+    if posture is not None:
+        finite_array(posture, "posture", joints)
+    q = np.clip(finite_array(start, "start", joints), limits.lower, limits.upper)
     J, error = _jacobian_and_error(chain, target, q)
     best = _result(q, error)
     for _ in range(max_iterations):
@@ -63,6 +72,12 @@ def inverse_kinematics(
         if candidate[3] or (_squared_error(candidate) < _squared_error(best) and not best[3]):
             best = candidate  # the last converged candidate is the nearest to the posture
     return best
+
+
+def _require_target(target: Pose) -> None:
+    require_type(target, "target", Pose, "geometry.pose(position, quaternion) creates one")
+    finite_array(target.position, "the position of the target", (3,))
+    finite_array(target.quaternion, "the quaternion of the target", (4,))
 
 
 def _jacobian_and_error(

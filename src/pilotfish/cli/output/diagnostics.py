@@ -7,13 +7,13 @@ FIXES = {
     "held rows": f"{IMPORT} removes the repeated rows",
     "times": f"{IMPORT} resamples to the times; or correct the period in the manifest",
     "units": f"{IMPORT} converts to SI units",
-    "size": "state the true unit in the manifest, and convert with " + IMPORT,
+    "size": "If not, state the true unit in the manifest, and convert with " + IMPORT,
     "wrap-around": f"{IMPORT} removes the jumps of angles in rad or deg",
     "quaternion order": f"{IMPORT} --order xyzw reorders those of the tool; reorder those of frames in the "
     "manifest",
     "lost frame": "interpolate the pose over those rows in the recording",
     "held frame": "interpolate the pose over those rows in the recording",
-    "far frame": "state the position of the frame in metres in the manifest",
+    "far frame": "If so, state the position of the frame in metres in the manifest",
     "missing frame": "record the pose of the object, and add it to the manifest as a frame",
 }
 
@@ -27,4 +27,5 @@ def format_diagnostic(diagnostic: Diagnostic, source: object) -> str:
     """
     line = f"{diagnostic.severity}: {diagnostic.location} {diagnostic.message}"
     fix = FIXES.get(diagnostic.kind, "").format(source=source)
-    return f"{line}; {fix}" if fix else line
+    separator = " " if line.endswith("?") else "; "
+    return f"{line}{separator}{fix}" if fix else line
