@@ -362,7 +362,7 @@ def describe_imports(imports: Mapping[str, float], sizes: Mapping[str, float] | 
         largest = sorted(sizes.items(), key=lambda item: -item[1])[:4]
         names = ", ".join(f"{name} {size:.0f}" for name, size in largest)
         yield (
-            f"- `pip install 'pilotfish[sim]'` downloads {sum(sizes.values()):.0f} MB in {len(sizes)} "
+            f"- `pip install '.[sim]'` downloads {sum(sizes.values()):.0f} MB in {len(sizes)} "
             "files besides pilotfish, for this Python and system and without installed packages. "
             f"The largest are {names} MB."
         )

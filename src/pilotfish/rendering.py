@@ -36,7 +36,9 @@ def require_mujoco() -> None:
     try:
         import mujoco  # noqa: F401
     except ImportError as error:
-        raise SkillError(f"simulation needs {error.name or error}: pip install 'pilotfish[sim]'") from error
+        raise SkillError(
+            f"simulation needs {error.name or error}: pip install '.[sim]' in the clone"
+        ) from error
     except (RuntimeError, AttributeError) as error:  # MuJoCo's errors for a missing library
         chosen = os.environ.get(VARIABLE)
         raise SkillError(f"MuJoCo cannot be imported with {VARIABLE}={chosen} ({error}): {REMEDY}") from error

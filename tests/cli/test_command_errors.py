@@ -286,7 +286,7 @@ def test_plots_without_matplotlib_name_the_extra(
         ["show", skill, "--plots", "plots"],
         ["reproduce", skill, "--frames", frames, "--plot", "motion.png"],
     ):
-        assert "pilotfish[plots]" in run_failing(*command)
+        assert "'.[plots]'" in run_failing(*command)
 
 
 def test_show_existing_plot_is_kept(

@@ -182,7 +182,7 @@ def test_without_mujoco_extra_is_named(
     run_failing: RunFailing, monkeypatch: pytest.MonkeyPatch, line: list[str]
 ):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    assert run_failing(*line) == "Error: simulation needs mujoco: pip install 'pilotfish[sim]'\n"
+    assert run_failing(*line) == "Error: simulation needs mujoco: pip install '.[sim]' in the clone\n"
 
 
 def test_record_command_equals_function(alignment_task: Task[Any], alignment_skill: Path, unchecked: None):

@@ -96,7 +96,7 @@ def test_demo_without_mujoco_writes_report_and_skill(tmp_path: Path, monkeypatch
     report = Path(result["report"]).read_text(encoding="utf-8")
     for text in (report.replace("&#39;", "'"), "\n".join(printed)):
         assert "not executed" in text
-        assert "simulation needs mujoco: pip install 'pilotfish[sim]'" in text
+        assert "simulation needs mujoco: pip install '.[sim]' in the clone" in text
     assert "image/webp" not in report
     assert len(result["tables"]) == 6
     assert open_skill(result["skill"]).states == 7

@@ -189,7 +189,7 @@ def test_simulate_without_mujoco_names_extra(
     for text in (*section.parts, *printed):
         assert isinstance(text, str)
         assert "not executed" in text
-        assert "pip install 'pilotfish[sim]'" in text
+        assert "pip install '.[sim]' in the clone" in text
     assert len(section.parts) == len(printed) == 1
 
 

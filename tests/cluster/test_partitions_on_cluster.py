@@ -153,7 +153,7 @@ def test_connect_address_of_other_type_is_refused(address):
 
 def test_connect_without_dask_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InvalidInput, match=r"pip install 'pilotfish\[scale\]'"), connect("local:1"):
+    with pytest.raises(InvalidInput, match=r"pip install '.\[scale\]' in the clone"), connect("local:1"):
         pass
 
 

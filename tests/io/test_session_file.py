@@ -227,7 +227,7 @@ def test_write_outside_the_block_is_refused(tmp_path):
 def test_missing_library_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "mcap", None)
     for call in (SessionWriter, read_session):
-        with pytest.raises(InvalidInput, match=r"pip install 'pilotfish\[sessions\]'"):
+        with pytest.raises(InvalidInput, match=r"pip install '.\[sessions\]' in the clone"):
             call(tmp_path / "a.mcap")
 
 

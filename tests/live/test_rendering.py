@@ -63,7 +63,7 @@ def test_require_mujoco_without_mujoco_names_extra():
     output = run_without_screen(
         "import sys; sys.modules['mujoco'] = None\n" + REFUSED.format(name="require_mujoco", times=1)
     )
-    assert "simulation needs mujoco: pip install 'pilotfish[sim]'" in output
+    assert "simulation needs mujoco: pip install '.[sim]' in the clone" in output
 
 
 def test_require_mujoco_backend_that_cannot_load_names_package():

@@ -57,7 +57,7 @@ def test_missing_library_is_named(monkeypatch: pytest.MonkeyPatch, reaches: Demo
         return imported(name, *arguments)
 
     monkeypatch.setattr(builtins, "__import__", import_without_viser)
-    with pytest.raises(SkillError, match=r"the page needs viser: pip install 'pilotfish\[panel\]'"):
+    with pytest.raises(SkillError, match=r"the page needs viser: pip install '.\[panel\]' in the clone"):
         serve(view_content(reaches), never, port=0)
 
 

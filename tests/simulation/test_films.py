@@ -83,7 +83,7 @@ def test_write_film_failure_keeps_old_file(tmp_path: Path):
 def test_require_pillow_missing_is_refused(monkeypatch: pytest.MonkeyPatch):
     for name in ("PIL", "PIL.Image"):
         monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(SkillError, match=r"pip install 'pilotfish\[sim\]'"):
+    with pytest.raises(SkillError, match=r"pip install '.\[sim\]' in the clone"):
         require_pillow()
 
 

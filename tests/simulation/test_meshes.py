@@ -15,7 +15,7 @@ from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.simulation import meshes
 from pilotfish.simulation.meshes import baxter_meshes
 
-EXTRA = r"pip install 'pilotfish\[meshes\]'"
+EXTRA = r"pip install '.\[meshes\]' in the clone"
 
 
 def random_meshes(rng: np.random.Generator, count: int) -> tuple[VisualMesh, ...]:

@@ -127,7 +127,7 @@ from pilotfish.teleop.codec import Kind
 try:
     seal_datagram(bytes(32), Header(Kind.HELLO, 1, 2, 0, 0), b"")
 except InvalidInput as error:
-    assert "pip install 'pilotfish[link]'" in str(error), error
+    assert "pip install '.[link]' in the clone" in str(error), error
 else:
     raise AssertionError("sealed without cryptography")
 """

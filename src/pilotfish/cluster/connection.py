@@ -116,7 +116,7 @@ def _require_same_version(client: Any, address: str) -> None:
     for worker, answer in found.items():
         if expected and not isinstance(answer, str):
             raise InvalidInput(
-                f"worker {worker} has no pilotfish; install it there: pip install 'pilotfish[scale,io]'"
+                f"worker {worker} has no pilotfish; install it there: pip install '.[scale,io]' in the clone"
             )
         if expected and answer != expected:
             raise InvalidInput(

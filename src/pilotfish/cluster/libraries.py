@@ -15,4 +15,4 @@ def require_distributed() -> Any:
     try:
         return import_module("distributed")
     except ImportError as error:
-        raise InvalidInput("a cluster needs Dask: pip install 'pilotfish[scale]'") from error
+        raise InvalidInput("a cluster needs Dask: pip install '.[scale]' in the clone") from error

@@ -24,7 +24,8 @@ from pilotfish.types import Array, Float, UInt8
 
 WIDTH, HEIGHT = 640, 480
 REMEDY = (
-    "pip install 'pilotfish[sim]', apt-get install libosmesa6, and set MUJOCO_GL=osmesa before Python starts"
+    "pip install '.[sim]' in the clone, apt-get install libosmesa6, "
+    "and set MUJOCO_GL=osmesa before Python starts"
 )
 NO_FRAMES: Mapping[str, Pose] = {}
 NO_PATH = np.zeros((0, 3))

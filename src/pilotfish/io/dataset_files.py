@@ -82,7 +82,7 @@ def download(dataset: Dataset, retrieve: Retrieve) -> Path:
     try:
         return retrieve(dataset)
     except ImportError as error:
-        reason = f"{error.name or error} is not installed: pip install 'pilotfish[data]'"
+        reason = f"{error.name or error} is not installed: pip install '.[data]' in the clone"
         raise SkillError(f"{_download_failure_message(dataset)} ({reason})") from error
     except (OSError, ValueError) as error:  # of requests, and of a wrong hash
         raise SkillError(f"{_download_failure_message(dataset)} ({str(error)[:120]})") from error

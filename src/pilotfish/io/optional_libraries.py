@@ -20,4 +20,4 @@ def require_library(module: str, purpose: str) -> Any:
         return import_module(module)
     except ImportError as error:
         library = module.partition(".")[0]
-        raise InvalidInput(f"{purpose} need {library}: pip install 'pilotfish[io]'") from error
+        raise InvalidInput(f"{purpose} need {library}: pip install '.[io]' in the clone") from error

@@ -347,4 +347,4 @@ def _require_mcap() -> None:
     try:
         import mcap  # noqa: F401 - only whether it is installed
     except ImportError as error:
-        raise InvalidInput("sessions need mcap: pip install 'pilotfish[sessions]'") from error
+        raise InvalidInput("sessions need mcap: pip install '.[sessions]' in the clone") from error

@@ -84,7 +84,9 @@ def _running_server(host: str, port: int) -> "Iterator[viser.ViserServer]":
     try:
         import viser
     except ImportError as error:
-        raise SkillError(f"the page needs {error.name or error}: pip install 'pilotfish[panel]'") from error
+        raise SkillError(
+            f"the page needs {error.name or error}: pip install '.[panel]' in the clone"
+        ) from error
     _require_free(host, port)
     os.environ.pop("_VISER_PORT_OVERRIDE", None)
     with Path(os.devnull).open("w") as nowhere:

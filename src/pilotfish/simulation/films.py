@@ -144,7 +144,7 @@ def require_pillow() -> None:
     try:
         import PIL.Image  # noqa: F401
     except ImportError as error:
-        raise SkillError(f"films need {error.name or error}: pip install 'pilotfish[sim]'") from error
+        raise SkillError(f"films need {error.name or error}: pip install '.[sim]' in the clone") from error
 
 
 def write_film(

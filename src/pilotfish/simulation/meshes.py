@@ -81,7 +81,7 @@ def cache_folder() -> Path:
 
 
 def _install_hint(name: str) -> str:
-    return f"the meshes of Baxter need {name}: pip install 'pilotfish[meshes]'"
+    return f"the meshes of Baxter need {name}: pip install '.[meshes]' in the clone"
 
 
 def _convert_meshes(folder: Path) -> Iterator[VisualMesh]:

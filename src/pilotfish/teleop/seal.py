@@ -136,7 +136,8 @@ def require_cryptography() -> None:
         import cryptography  # noqa: F401 # whether it can be imported
     except ImportError as problem:
         raise InvalidInput(
-            "messages are sealed by the package cryptography, which is missing; pip install 'pilotfish[link]'"
+            "messages are sealed by the package cryptography, which is missing: pip install '.[link]' in the "
+            "clone"
         ) from problem
 
 

@@ -83,7 +83,9 @@ def _require_matplotlib() -> None:
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:
-        raise InvalidInput("sheets of markers need matplotlib: pip install 'pilotfish[plots]'") from error
+        raise InvalidInput(
+            "sheets of markers need matplotlib: pip install '.[plots]' in the clone"
+        ) from error
 
 
 def _validate_ids(ids: object) -> list[int]:

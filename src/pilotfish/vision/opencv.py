@@ -15,10 +15,10 @@ def require_opencv() -> Any:
     try:
         cv2 = import_module("cv2")
     except ImportError as error:
-        raise InvalidInput("frames from a camera need cv2: pip install 'pilotfish[vision]'") from error
+        raise InvalidInput("frames from a camera need cv2: pip install '.[vision]' in the clone") from error
     if not hasattr(getattr(cv2, "aruco", None), "ArucoDetector"):
         raise InvalidInput(
             f"OpenCV {cv2.__version__} has no cv2.aruco.ArucoDetector, expected 4.10 or later; "
-            "pip install 'pilotfish[vision]'"
+            "pip install '.[vision]' in the clone"
         )
     return cv2

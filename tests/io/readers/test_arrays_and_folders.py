@@ -373,7 +373,7 @@ def test_missing_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.Mon
         raise ModuleNotFoundError("No module named 'tables'", name="tables")
 
     monkeypatch.setattr(recognition._import_reader("delimited"), "read", fail)
-    with pytest.raises(InvalidInput, match=r"need tables: pip install 'pilotfish\[io\]'"):
+    with pytest.raises(InvalidInput, match=r"need tables: pip install '.\[io\]' in the clone"):
         read(tmp_path / "a.csv")
 
 

@@ -147,8 +147,8 @@ def test_read_without_library_names_extra(module, needs, rng, monkeypatch, tmp_p
     for name in (needs, f"{needs}.parquet", "rosbags.rosbag1"):
         monkeypatch.setitem(sys.modules, name, None)
     assert module.recognises(tmp_path / "a.bag")
-    with pytest.raises(InvalidInput, match=rf"need {needs}: pip install 'pilotfish\[io\]'"):
+    with pytest.raises(InvalidInput, match=rf"need {needs}: pip install '.\[io\]' in the clone"):
         list(module.read(tmp_path / "a.bag"))
     writer = {"pyarrow": lerobot_dataset, "h5py": robomimic_file, "rosbags": ros_mcap}[needs]
-    with pytest.raises(InvalidInput, match=rf"need {needs}: pip install 'pilotfish\[io\]'"):
+    with pytest.raises(InvalidInput, match=rf"need {needs}: pip install '.\[io\]' in the clone"):
         writer.write([DemonstrationMaker(rng)()], tmp_path / "out")

@@ -24,7 +24,7 @@ def require_matplotlib() -> None:
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:
-        raise SkillError(f"plots need {error.name}: pip install 'pilotfish[plots]'") from error
+        raise SkillError(f"plots need {error.name}: pip install '.[plots]' in the clone") from error
 
 
 def validate_figure_path(_: click.Context, parameter: click.Parameter, path: Path | None) -> Path | None:

@@ -98,7 +98,7 @@ def _read(reader: Any, path: Path, options: ReadOptions) -> Iterator[Recording]:
         yield from reader.read(path, options) if takes_options else reader.read(path)
     except ImportError as error:
         raise InvalidInput(
-            f"{path}: files of {reader.FORMAT} need {error.name or error}: pip install 'pilotfish[io]'"
+            f"{path}: files of {reader.FORMAT} need {error.name or error}: pip install '.[io]' in the clone"
         ) from error
 
 

@@ -62,7 +62,7 @@ def recognises(path: Path) -> bool:
         with _open_file(path) as file:
             return "data" in file and bool(_demonstration_names(file))
     except InvalidInput as error:
-        return "pilotfish[io]" in str(error)
+        return "'.[io]'" in str(error)
     except OSError:
         return False
 
