@@ -145,6 +145,7 @@ def test_connect_other_address_is_refused(address):
         pass
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 @pytest.mark.parametrize("address", [None, 3, b"local"])
 def test_connect_address_of_other_type_is_refused(address):
     with pytest.raises(InvalidInput, match="address"), connect(address):

@@ -122,8 +122,8 @@ class _Sums:
     rows: int
     lowest: Float[Array, " D"]
     highest: Float[Array, " D"]
-    totals: list[Float[Array, " d"]]
-    outer_products: list[Float[Array, "d d"]]  # of orientations; others are 0
+    totals: list[Float[Array, " _"]]
+    outer_products: list[Float[Array, "_ _"]]  # of orientations; others are 0
     motion: MotionRanges
     frames_lowest: Float[Array, "P D"]
     frames_highest: Float[Array, "P D"]
@@ -167,7 +167,7 @@ def _add_sums(a: _Sums, b: _Sums) -> _Sums:
 def _deviations(
     group: DemonstrationGroup,
     first: Demonstration,
-    means: list[Float[Array, " d"]],
+    means: list[Float[Array, " _"]],
     limits: tuple[Float[Array, " D"], Float[Array, " D"]],
     middles: Float[Array, "P D D"],
 ) -> tuple[Float[Array, " S"], Int[Array, " D"], Float[Array, " P"]]:
