@@ -47,6 +47,7 @@ def test_quarters_of_a_picture_lie_where_they_are_projected():
         assert (image[round(row), round(column)].mean() > 150) == bright, (x, y)
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 def test_unusable_markers_and_cameras_are_invalid_input():
     for picture in (np.zeros((3, 4), np.uint8), np.zeros((4, 4)), None):
         with pytest.raises(InvalidInput, match="picture"):

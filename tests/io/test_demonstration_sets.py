@@ -70,6 +70,7 @@ def test_read_group_lerobot_reads_only_the_row_groups_of_its_episodes(tmp_path, 
     assert select_row_groups(file, frozenset()) == []
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 def test_read_demonstrations_of_some_numbers(tmp_path, rng):
     demos = random_demonstrations(rng)
     folder = write_set(demos, tmp_path, "folder")
@@ -110,6 +111,7 @@ def test_read_group_lerobot_of_others_asks_for_settings(tmp_path, rng):
         read_group(list_groups(folder, 3)[0])
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 def test_list_groups_unusable_sets_are_refused(tmp_path, rng):
     with pytest.raises(InvalidInput, match="not a folder"):
         list_groups(tmp_path / "missing", 3)

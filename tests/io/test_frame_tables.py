@@ -48,6 +48,7 @@ def test_planar_frame_moves_and_turns_positions_and_turns_forces():
     np.testing.assert_allclose(given.A @ local + given.b, [1.0, 3.0, -3.0, 0.0, 0.5], atol=1e-12)
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 @pytest.mark.parametrize(
     ("table", "message"),
     [

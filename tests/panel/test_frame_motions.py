@@ -116,6 +116,7 @@ def test_sphere_demonstrations_have_poses(reach_demonstrations: tuple[Demonstrat
     )
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 def test_move_frame_refuses_bad_input():
     layout, given = position_layout(3), frame("cup", np.eye(3), np.zeros(3))
     good = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))

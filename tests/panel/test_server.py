@@ -42,6 +42,7 @@ def test_host_of_another_computer_is_refused(host: str, reaches: Demonstrations)
         serve(view_content(reaches), never, host=host, port=0)
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 @pytest.mark.parametrize("port", [-1, 65536, 1.5, "80"])
 def test_bad_port_is_refused(port: Any, reaches: Demonstrations):
     with pytest.raises(InvalidInput, match="port"):

@@ -83,6 +83,7 @@ def test_manipulation_has_the_joints_of_the_robot():
         Manipulation("stab", robot="kuka")
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 def test_meshes_of_baxter_on_another_robot_are_refused(rng):
     task = TASKS["stab"]
     situation = task.sample_situation(rng)

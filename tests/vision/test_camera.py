@@ -34,6 +34,7 @@ def test_projection_of_a_point_behind_the_camera_is_nan():
     np.testing.assert_allclose(pixels[1], [320.0, 240.0])
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 @pytest.mark.parametrize(
     "change",
     [
@@ -56,6 +57,7 @@ def test_camera_file_restores_every_number(tmp_path):
         write_camera(tmp_path / "camera.toml", camera, rms_error=0.25, views=12)
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 @pytest.mark.parametrize(
     ("edit", "message"),
     [

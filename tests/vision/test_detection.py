@@ -68,6 +68,7 @@ def test_bitmap_has_a_black_border():
     assert bitmap.max() == 255
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 @pytest.mark.parametrize(
     "image",
     [None, "image", np.zeros((480, 640)), np.zeros((4, 4), np.uint8), np.zeros((64, 64, 4), np.uint8),

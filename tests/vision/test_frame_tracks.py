@@ -50,6 +50,7 @@ def test_table_has_empty_cells_where_a_frame_is_not_visible(tmp_path):
         write_frames(tmp_path / "frames.csv", tracks)
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 def test_unusable_arguments_are_invalid_input(tmp_path):
     for times, rows in (([], []), ([0.0], []), ([0.0, 1.0], [{"a": LOST}]), ([0.0], [None])):
         with pytest.raises(InvalidInput):

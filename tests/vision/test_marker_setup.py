@@ -87,6 +87,7 @@ def test_camera_may_be_another_file(tmp_path):
     assert read_markers(tmp_path / "markers.toml").camera == camera
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

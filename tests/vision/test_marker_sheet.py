@@ -90,6 +90,7 @@ def test_many_markers_fill_pages_without_overlap(tmp_path):
     assert write_marker_sheet(tmp_path / "c.pdf", [1, 2], 0.14) == 2
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 @pytest.mark.parametrize(
     ("ids", "side", "options"),
     [

@@ -120,6 +120,7 @@ def test_degenerate_corners_give_no_pose_or_a_large_error(corners: np.ndarray):
     assert all(np.isfinite(candidate.error) for candidate in found)
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 def test_unusable_arguments_are_invalid_input():
     marker = Marker(0, 0.05, "a", HERE)
     with pytest.raises(InvalidInput, match="corners of marker 0"):

@@ -2,6 +2,8 @@
 
 import mujoco
 
+from pilotfish.types import Array, Float
+
 Triple = tuple[float, float, float]
 PALE = (0.62, 0.64, 0.66, 1.0)
 ROBOT, OBJECT = 1, 2  # contact types: the robot collides with objects, objects with each other too
@@ -49,7 +51,12 @@ def add_cover(
     geom.contype, geom.conaffinity, geom.mass = ROBOT, OBJECT, 0.0
 
 
-def set_inertial(body: mujoco.MjsBody, mass: float, centre: Triple, inertia: tuple[float, ...]) -> None:
+def set_inertial(
+    body: mujoco.MjsBody,
+    mass: float,
+    centre: Triple | Float[Array, " 3"],
+    inertia: tuple[float, ...] | Float[Array, " 6"],
+) -> None:
     """Set mass [kg], centre of mass [m], and inertia xx, yy, zz, xy, xz, yz about it [kg m^2]."""
     body.mass, body.ipos, body.fullinertia = mass, centre, inertia
     body.explicitinertial = True

@@ -95,6 +95,8 @@ def _parse_settings(data: bytes, path: str) -> BuildSettings:
         for n, item in enumerate(_require_list(content.get("frame", []), f"{path}: frame"))
     ]
     limits = {key: content[key] for key in LIMIT_KEYS if key in content}
+    if isinstance(limits.get("unwrap"), list):
+        limits["unwrap"] = tuple(limits["unwrap"])
     if not parts:
         raise InvalidInput(f"{path} has no parts, expected [[part]] with name, quantity and columns")
     return BuildSettings(tuple(parts), tuple(frames), content.get("period"), **limits)

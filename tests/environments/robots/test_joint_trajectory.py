@@ -82,6 +82,7 @@ BAD = {
 }  # fmt: skip
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 @pytest.mark.parametrize("case", sorted(BAD))
 def test_bad_argument_is_refused(case):
     change, message = BAD[case]
