@@ -9,7 +9,7 @@ from typing import Any
 from pilotfish.demonstrations import BuildSettings, FrameSource, PartSource, Quantity, Recording
 from pilotfish.errors import InvalidInput
 from pilotfish.io.paths import read_file
-from pilotfish.validation import nearest_name, require_type, short_repr
+from pilotfish.validation import require_table, require_type, short_repr
 
 MAX_SETTINGS_BYTES = 2**20
 SETTINGS_ATTRIBUTE = "pilotfish import settings"  # of a recording
@@ -85,13 +85,13 @@ def _parse_settings(data: bytes, path: str) -> BuildSettings:
         content = tomllib.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:  # TOML and UTF-8 errors are ValueErrors
         raise InvalidInput(f"{path}: not TOML that can be read: {error}") from error
-    _require_keys(content, ("period", "part", "frame", *LIMIT_KEYS), path)
+    require_table(content, path, (), ("period", "part", "frame", *LIMIT_KEYS))
     parts = [
         _parse_part(item, f"{path}: part {n}")
         for n, item in enumerate(_require_list(content.get("part", []), f"{path}: part"))
     ]
     frames = [
-        FrameSource(**_require_table(item, FRAME_KEYS, ("name", "position"), f"{path}: frame {n}"))
+        FrameSource(**_read_table(item, FRAME_KEYS, ("name", "position"), f"{path}: frame {n}"))
         for n, item in enumerate(_require_list(content.get("frame", []), f"{path}: frame"))
     ]
     limits = {key: content[key] for key in LIMIT_KEYS if key in content}
@@ -113,7 +113,7 @@ def _format_table(values: dict[str, Any]) -> list[str]:
 
 
 def _parse_part(item: object, label: str) -> PartSource:
-    table = _require_table(item, PART_KEYS, ("name", "quantity", "columns"), label)
+    table = _read_table(item, PART_KEYS, ("name", "quantity", "columns"), label)
     known = {quantity.value: quantity for quantity in Quantity}
     if table["quantity"] not in list(known):
         raise InvalidInput(
@@ -122,21 +122,10 @@ def _parse_part(item: object, label: str) -> PartSource:
     return PartSource(**{**table, "quantity": known[table["quantity"]]})
 
 
-def _require_table(item: object, known: Sequence[str], needed: Sequence[str], label: str) -> dict[str, Any]:
-    if not isinstance(item, dict):
-        raise InvalidInput(f"{label} is {short_repr(item)}, expected a table with {', '.join(needed)}")
-    _require_keys(item, known, label)
-    if missing := [key for key in needed if key not in item]:
-        raise InvalidInput(f"{label}: key {missing[0]!r} is missing")
-    return {key: tuple(value) if isinstance(value, list) else value for key, value in item.items()}
-
-
-def _require_keys(table: dict[str, Any], known: Sequence[str], label: str) -> None:
-    for key in table:
-        if key not in known:
-            near = nearest_name(key, known)
-            hint = f"did you mean {near!r}?" if near else f"known are {', '.join(known)}"
-            raise InvalidInput(f"{label}: unknown key {short_repr(key)}; {hint}")
+def _read_table(item: object, known: Sequence[str], needed: Sequence[str], label: str) -> dict[str, Any]:
+    """Return a table with tuples in place of lists."""
+    table = require_table(item, label, needed, known)
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
 
 
 def _require_list(value: object, label: str) -> list[Any]:

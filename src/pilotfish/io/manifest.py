@@ -8,7 +8,6 @@ that size is built.
 import hashlib
 import json
 import tomllib
-from collections.abc import Sequence
 from pathlib import PurePath
 from typing import Any
 
@@ -22,11 +21,11 @@ from pilotfish.errors import InvalidInput
 from pilotfish.io.frame_tables import FORMS, parse_frame
 from pilotfish.validation import (
     first_duplicate,
-    nearest_name,
     require_count,
     require_name,
     require_period,
     require_printable,
+    require_table,
     short_repr,
 )
 
@@ -62,7 +61,7 @@ def parse_manifest(data: bytes, name: str) -> Manifest:
     content = _parse_text(data, name)
     _require_format(content, name)
     keys = ("format", "version", "period", "layout", "demonstration")
-    table = _require_table(content, name, keys, ("sha256",))
+    table = require_table(content, name, keys, ("sha256",))
     _require_checksum(table, name)
     layout = _parse_layout(table["layout"], f"{name}: layout")
     items = _require_list(table["demonstration"], f"{name}: demonstration")
@@ -206,7 +205,7 @@ def _parse_layout(value: object, label: str) -> Layout:
 
 
 def _parse_part(value: object, label: str) -> Part:
-    table = _require_table(value, label, ("name", "quantity", "size", "unit"), ("derivative",))
+    table = require_table(value, label, ("name", "quantity", "size", "unit"), ("derivative",))
     known = [quantity.value for quantity in Quantity]
     if table["quantity"] not in known:
         found = short_repr(table["quantity"])
@@ -223,7 +222,7 @@ def _parse_part(value: object, label: str) -> Part:
 
 
 def _parse_entry(value: object, label: str, layout: Layout) -> tuple[str, tuple[str, str, Frames]]:
-    table = _require_table(value, label, ("file",), ("name", "sha256", "frames"))
+    table = require_table(value, label, ("file",), ("name", "sha256", "frames"))
     file = require_printable(table["file"], f"{label}: file")
     path = PurePath(file)
     if path.name != file or "\\" in file or path.suffix not in TABLE_SUFFIXES:
@@ -244,7 +243,7 @@ def _parse_frame(value: object, label: str, layout: Layout) -> tuple[str, Frame 
         raise InvalidInput(f"{label} is {short_repr(value)}, expected a table: {FORMS}")
     try:
         if isinstance(value.get("A"), str):  # arrays of a moving frame
-            table = _require_table(value, label, ("name", "A", "b"))
+            table = require_table(value, label, ("name", "A", "b"))
             arrays = require_printable(table["A"], "A"), require_printable(table["b"], "b")
             return require_name(table["name"], "the name of a frame"), arrays
         given = parse_frame(value, layout)
@@ -257,23 +256,6 @@ def _parse_frame(value: object, label: str, layout: Layout) -> tuple[str, Frame 
     except InvalidInput as error:
         known = str(error).startswith(label)
         raise InvalidInput(str(error) if known else f"{label}: {error}") from error
-
-
-def _require_table(
-    value: object, label: str, needed: Sequence[str], optional: Sequence[str] = ()
-) -> dict[str, Any]:
-    """Return a table that has every needed key, and no key that is neither needed nor optional."""
-    if not isinstance(value, dict):
-        raise InvalidInput(f"{label} is {short_repr(value)}, expected a table with {', '.join(needed)}")
-    known = [*needed, *optional]
-    for key in value:
-        if key not in known:
-            nearest = nearest_name(key, known)
-            hint = f"did you mean {nearest!r}?" if nearest else f"known are {', '.join(known)}"
-            raise InvalidInput(f"{label}: unknown key {short_repr(key)}; {hint}")
-    if missing := [key for key in needed if key not in value]:
-        raise InvalidInput(f"{label}: key {missing[0]!r} is missing")
-    return value
 
 
 def _require_list(value: object, label: str) -> list[Any]:

@@ -16,6 +16,7 @@ from pilotfish.validation.numbers import (
     require_shapes_agree,
 )
 from pilotfish.validation.representation import shorten_repr
+from pilotfish.validation.tables import require_table
 from pilotfish.validation.text import (
     MAX_NAME_LENGTH,
     first_duplicate,
@@ -43,6 +44,7 @@ __all__ = [
     "require_period",
     "require_printable",
     "require_shapes_agree",
+    "require_table",
     "require_type",
     "short_list",
     "short_repr",

@@ -20,8 +20,15 @@ import numpy as np
 from pilotfish.errors import InvalidInput
 from pilotfish.io import atomic_file, read_file
 from pilotfish.types import Array, Float
-from pilotfish.validation import finite_array, require_count, require_number, require_type, shorten_repr
-from pilotfish.vision.strict_tables import MAX_BYTES, parse_toml, require_table
+from pilotfish.validation import (
+    finite_array,
+    require_count,
+    require_number,
+    require_table,
+    require_type,
+    shorten_repr,
+)
+from pilotfish.vision.strict_tables import MAX_BYTES, parse_toml
 
 CAMERA_FORMAT, CAMERA_VERSION = "pilotfish camera", 1
 MAX_PIXELS = 2**15  # along one side of an image

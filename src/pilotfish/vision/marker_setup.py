@@ -18,6 +18,7 @@ from pilotfish.validation import (
     require_name,
     require_number,
     require_printable,
+    require_table,
     require_type,
     short_repr,
     shorten_repr,
@@ -28,7 +29,6 @@ from pilotfish.vision.strict_tables import (
     parse_pose,
     parse_toml,
     require_list,
-    require_table,
 )
 
 MARKERS_FORMAT, MARKERS_VERSION = "pilotfish markers", 1

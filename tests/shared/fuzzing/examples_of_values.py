@@ -168,6 +168,7 @@ def structures_examples() -> Examples:
 
 def validation_examples() -> Examples:
     return {
+        "require_table": {"value": {"a": 1}, "label": "x", "needed": ["a"], "optional": ["b"]},
         "finite_array": {"value": np.eye(2), "label": "x"},
         "float_array": {"value": np.eye(2), "label": "x", "columns": 2},
         "require_bounded": {"numbers": np.eye(2), "label": "x"},
