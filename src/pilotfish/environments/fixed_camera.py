@@ -3,14 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan, degrees
-from types import TracebackType
-from weakref import finalize
 
 import mujoco
 import numpy as np
 
-from pilotfish.environments.scene_renderer import REMEDY, rendering_error
-from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.environments.scene_renderer import OffscreenRenderer
+from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose
 from pilotfish.types import Array, UInt8
 from pilotfish.validation import require_count, require_number, require_type, shorten_repr
@@ -131,7 +129,7 @@ def add_camera(spec: mujoco.MjSpec, camera: FixedCamera) -> None:
     )
 
 
-class FixedCameraRenderer:
+class FixedCameraRenderer(OffscreenRenderer):
     """Renderer of the images of one fixed camera; it holds graphics memory until it is closed."""
 
     def __init__(self, model: mujoco.MjModel, camera: FixedCamera) -> None:
@@ -144,24 +142,8 @@ class FixedCameraRenderer:
         Raises:
             SkillError: If MuJoCo cannot render on this machine.
         """
-        if reason := rendering_error():
-            raise SkillError(f"MuJoCo cannot render on this machine ({reason}): {REMEDY}")
-        self._renderer, self._name = mujoco.Renderer(model, camera.height, camera.width), camera.name
-        self._finalizer = finalize(self, self._renderer.close)
-
-    def __enter__(self) -> "FixedCameraRenderer":
-        """Return this renderer."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Release the graphics memory."""
-        self.close()
-
-    def close(self) -> None:
-        """Release the graphics memory; the renderer cannot be used afterwards."""
-        self._finalizer()
+        super().__init__(model, camera.width, camera.height)
+        self._name = camera.name
 
     def render(self, data: mujoco.MjData) -> UInt8[Array, "H W 3"]:
         """Return an RGB image of the present state.

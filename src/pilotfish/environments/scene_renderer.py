@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import TracebackType
+from typing import TypeVar
 from warnings import catch_warnings
 from weakref import finalize
 
@@ -52,7 +53,44 @@ class CameraView:
 FRONT_RIGHT = CameraView((0.66, -0.28, 0.05), 1.4, 75.0, -22.0)
 
 
-class SceneRenderer:
+R = TypeVar("R", bound="OffscreenRenderer")
+
+
+class OffscreenRenderer:
+    """Graphics context of one model; it holds graphics memory until it is closed."""
+
+    def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
+        """Create the context.
+
+        Args:
+            model: Compiled model.
+            width: Width of the images [pixels].
+            height: Height of the images [pixels].
+
+        Raises:
+            SkillError: If MuJoCo cannot render on this machine.
+        """
+        if reason := rendering_error():
+            raise SkillError(f"MuJoCo cannot render on this machine ({reason}): {REMEDY}")
+        self._renderer = mujoco.Renderer(model, height, width)
+        self._finalizer = finalize(self, self._renderer.close)  # at the latest before the interpreter ends
+
+    def __enter__(self: R) -> R:
+        """Return this renderer."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Release the graphics memory."""
+        self.close()
+
+    def close(self) -> None:
+        """Release the graphics memory; the renderer cannot be used afterwards."""
+        self._finalizer()
+
+
+class SceneRenderer(OffscreenRenderer):
     """Renderer of one model from one view; it holds graphics memory until it is closed."""
 
     def __init__(
@@ -82,24 +120,7 @@ class SceneRenderer:
                 f"{size.offheight} pixels; choose a smaller one"
             )
         self._model, self._camera = model, _free_camera(view)
-        if reason := rendering_error():
-            raise SkillError(f"MuJoCo cannot render on this machine ({reason}): {REMEDY}")
-        self._renderer = mujoco.Renderer(model, height, width)
-        self._finalizer = finalize(self, self._renderer.close)  # at the latest before the interpreter ends
-
-    def __enter__(self) -> "SceneRenderer":
-        """Return this renderer."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Release the graphics memory."""
-        self.close()
-
-    def close(self) -> None:
-        """Release the graphics memory; the renderer cannot be used afterwards."""
-        self._finalizer()
+        super().__init__(model, width, height)
 
     def render(
         self,
